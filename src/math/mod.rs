@@ -1,0 +1,1 @@
+//! Mathematics that knows nothing of light: point sets, quadrature rules, warps, frames, sums.
