@@ -12,6 +12,7 @@
 //! The file is put together here from the `exr` crate's parts, because its own writer takes custom attributes out of a
 //! hash map, in another order at every run.
 
+mod contain;
 mod read;
 
 pub use read::decode;

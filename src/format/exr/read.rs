@@ -1,5 +1,6 @@
 //! Reading OpenEXR; what is read and what refused stands at the head of the parent module.
 
+use super::contain::contained;
 use super::to_native;
 use crate::error::{Error, Result};
 use crate::format::Image;
@@ -24,6 +25,10 @@ const BLOCKS_AT_ONCE: usize = 64;
 ///
 /// **Errors**: see the head of the parent module; also truncated or contradictory data.
 pub fn decode(bytes: &[u8]) -> Result<Image> {
+    contained(|| decode_uncontained(bytes)).unwrap_or_else(|| Err(panicked()))
+}
+
+fn decode_uncontained(bytes: &[u8]) -> Result<Image> {
     let reader = ::exr::block::read(Cursor::new(bytes), false).map_err(translate)?;
     let header = reader.headers().first().ok_or_else(|| Error::invalid("an OpenEXR without a part", DAMAGED))?.clone();
     check_size(reader.headers(), bytes.len())?;
@@ -119,7 +124,9 @@ fn check_channels(header: &Header) -> Result<Vec<Number>> {
 }
 
 fn decompress(chunk: Chunk, meta_data: &MetaData) -> Result<UncompressedBlock> {
-    UncompressedBlock::decompress_chunk(chunk, meta_data, false).map_err(translate)
+    // Contained again, because this runs on other threads, which would print the panic.
+    let block = contained(|| UncompressedBlock::decompress_chunk(chunk, meta_data, false));
+    block.ok_or_else(panicked)?.map_err(translate)
 }
 
 /// The display window, and where the data window lies in it.
@@ -132,20 +139,19 @@ struct View {
 
 impl View {
     fn of(header: &Header) -> Result<Self> {
-        /// How much larger than the data window the display window may be.
-        const MAX_EMPTINESS: u128 = 64;
+        /// How much larger the display window may be than what the data window covers of it.
+        const MAX_EMPTINESS: i128 = 16;
         let (display, data) = (header.shared_attributes.display_window, header.data_window());
         let [width, height] = [display.size.x(), display.size.y()];
         let offset = [
             i64::from(data.position.x()) - i64::from(display.position.x()),
             i64::from(data.position.y()) - i64::from(display.position.y()),
         ];
-        let meets = |offset: i64, data: usize, display: usize| offset + data as i64 > 0 && offset < display as i64;
-        let emptiness = (width as u128) * (height as u128) / ((data.size.x() as u128) * (data.size.y() as u128)).max(1);
-        if !meets(offset[0], data.size.x(), width)
-            || !meets(offset[1], data.size.y(), height)
-            || emptiness > MAX_EMPTINESS
-        {
+        let covered = |offset: i64, data: usize, display: usize| {
+            i128::from((offset + data as i64).min(display as i64) - offset.max(0)).max(0)
+        };
+        let covered = covered(offset[0], data.size.x(), width) * covered(offset[1], data.size.y(), height);
+        if covered == 0 || (width as i128) * (height as i128) > MAX_EMPTINESS * covered {
             return Err(Error::unsupported(
                 format!(
                     "{} in {}, which leaves nothing or next to nothing to see",
@@ -219,6 +225,10 @@ fn string(bytes: &[u8]) -> String {
         Ok(text) => text.to_owned(),
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
     }
+}
+
+fn panicked() -> Error {
+    Error::invalid("the OpenEXR is broken in a way that its reader did not foresee", DAMAGED)
 }
 
 fn translate(error: ::exr::error::Error) -> Error {
