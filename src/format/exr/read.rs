@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::format::Image;
 use crate::pack::Number;
 use ::exr::block::UncompressedBlock;
-use ::exr::block::chunk::Chunk;
+use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType};
 use ::exr::meta::header::{Header, standard_names};
@@ -124,9 +124,51 @@ fn check_channels(header: &Header) -> Result<Vec<Number>> {
 }
 
 fn decompress(chunk: Chunk, meta_data: &MetaData) -> Result<UncompressedBlock> {
+    check_dwa_counters(&chunk, &meta_data.headers[0])?;
     // Contained again, because this runs on other threads, which would print the panic.
     let block = contained(|| UncompressedBlock::decompress_chunk(chunk, meta_data, false));
-    block.ok_or_else(panicked)?.map_err(translate)
+    let block = block.ok_or_else(panicked)?.map_err(translate)?;
+    let [width, lines] = [block.index.pixel_size.x(), block.index.pixel_size.y()];
+    let wanted = width * lines * meta_data.headers[0].channels.bytes_per_pixel;
+    if block.data.len() != wanted {
+        return Err(Error::invalid(
+            format!("a block of the OpenEXR with {} bytes, where {wanted} are wanted", block.data.len()),
+            DAMAGED,
+        ));
+    }
+    Ok(block)
+}
+
+/// Refuses blocks of DWA compression whose counters are beyond what the block can hold: the crate allocates what they say,
+/// be it a terabyte, and failing at that cannot be contained.
+///
+/// Such a block begins with eleven u64: of them 1, 6 and 7 count the bytes of its other, run-length and raw sections
+/// uncompressed, 8 and 9 the 16-bit coefficients of its cosine transform.
+fn check_dwa_counters(chunk: &Chunk, header: &Header) -> Result<()> {
+    let (CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le: bytes, .. })
+    | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le: bytes, .. })) = &chunk.compressed_block
+    else {
+        return Ok(()); // deep data, which the crate refuses
+    };
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let tile = header.get_block_data_indices(&chunk.compressed_block).map_err(translate)?;
+    let size = header.get_absolute_block_pixel_coordinates(tile).map_err(translate)?.size;
+    let n_bytes =
+        |width: usize, height: usize| (width as u128) * (height as u128) * (header.channels.bytes_per_pixel as u128);
+    if bytes.len() as u128 == n_bytes(size.x(), size.y()) {
+        return Ok(()); // stored as it was, because compression made it no smaller
+    }
+    // The transform works on whole squares of 8 × 8; runs of one byte take two.
+    let most = 2 * n_bytes(size.x() + 7, size.y() + 7);
+    for counter in [1, 6, 7, 8, 9] {
+        let count = bytes.get(8 * counter..).and_then(|rest| rest.first_chunk().copied()).map_or(0, u64::from_le_bytes);
+        if u128::from(count) > most {
+            return Err(Error::invalid(format!("a block of the OpenEXR that promises {count} bytes"), DAMAGED));
+        }
+    }
+    Ok(())
 }
 
 /// The display window, and where the data window lies in it.
