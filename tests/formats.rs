@@ -1,5 +1,7 @@
 //! Every format that Kiln writes, read back by readers that other people wrote; every format that it reads, likewise.
 
+#![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
+
 mod support;
 
 use image::ImageDecoder;

@@ -27,7 +27,7 @@ pub struct Staged {
 impl Staged {
     /// Writes `bytes` to a temporary file that is to be called `path`.
     ///
-    /// **Errors**: as [`write`].
+    /// **Errors**: as [`write()`].
     pub fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
         let file = (|| {
             let target = resolve(path)?;

@@ -47,7 +47,7 @@ const MAX_NAME: usize = 255;
 /// The file that holds `image` with all channels stored as `number`, and what packing changed.
 ///
 /// **Errors**: channel names or metadata keys that are empty, doubled, too long or hold a NUL; a key that OpenEXR has
-/// defined as something other than text (`compression`, `owner` is allowed); a size beyond 2³¹ − 1.
+/// defined as something other than text (`compression`; `owner` is allowed); a size beyond 2³¹ − 1.
 pub fn encode<T: Copy + Into<f64>>(image: &Image<T>, number: Number) -> Result<(Vec<u8>, PackReport)> {
     image.check_shape()?;
     check_names("channel", image.channels.iter().map(String::as_str), |_| false)?;

@@ -278,7 +278,8 @@ mod tests {
 
     #[test]
     fn contradictory_textures_are_refused() {
-        let broken: [(&str, fn(&mut Texture)); 8] = [
+        type Breaks = fn(&mut Texture);
+        let broken: [(&str, Breaks); 8] = [
             ("no level", |t| t.levels.clear()),
             ("too many levels", |t| t.levels.push(vec![0; 24])),
             ("a level too short", |t| t.levels[1].truncate(5)),

@@ -40,7 +40,7 @@ mod tests {
             let bits = random.below(u64::from(f32::MAX.to_bits())) as u32;
             let (lower, upper) = (f64::from(f32::from_bits(bits)), f64::from(f32::from_bits(bits + 1)));
             let tie = 0.5 * (lower + upper);
-            let even = if bits % 2 == 0 { lower } else { upper };
+            let even = if bits.is_multiple_of(2) { lower } else { upper };
             for (value, wanted) in [(tie.next_down(), lower), (tie, even), (tie.next_up(), upper)] {
                 let (bytes, report) = pack(&[value]);
                 let got = f64::from(unpack(&bytes)[0]);

@@ -93,7 +93,7 @@ fn check_kind(header: &Header, bytes: &[u8]) -> Result<TexelFormat> {
     if scheme != Some(0) {
         return Err(Error::unsupported(
             format!("the KTX2 is supercompressed (scheme {})", scheme.unwrap_or_default()),
-            "decompress it first, as with `ktx transcode` or `ktx deflate`'s inverse in the KTX tools",
+            "export it again without supercompression",
         ));
     }
     TexelFormat::ALL.into_iter().find(|&format| Some(vk_format(format).value()) == vk).ok_or_else(|| {
