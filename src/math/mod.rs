@@ -1,1 +1,3 @@
 //! Mathematics that knows nothing of light: point sets, quadrature rules, warps, frames, sums.
+
+pub mod sobol;
