@@ -1,1 +1,18 @@
-//! Environment maps.
+//! Environment maps: what a baker turns a panorama into.
+//!
+//! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
+//! average of mip 0 ([`area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
+//! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
+//! ([`spherical_harmonics`]).
+
+pub mod area_average;
+pub mod cube;
+pub mod kernel;
+pub mod panorama;
+#[cfg(test)]
+mod test_maps;
+
+pub use area_average::area_average;
+pub use cube::Cube;
+pub use kernel::{Kernel, alpha_of_roughness};
+pub use panorama::{InputReport, Negatives, NonFinite, Panorama};
