@@ -7,6 +7,7 @@
 
 pub mod area_average;
 pub mod cube;
+pub mod full_sum;
 pub mod kernel;
 pub mod panorama;
 #[cfg(test)]
