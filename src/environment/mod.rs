@@ -9,7 +9,9 @@ pub mod area_average;
 pub mod cube;
 pub mod full_sum;
 pub mod kernel;
+pub mod monte_carlo;
 pub mod panorama;
+mod sampler;
 #[cfg(test)]
 mod test_maps;
 
