@@ -17,8 +17,6 @@ use super::panorama::Panorama;
 
 /// A rule of points per side may be used where extent/δ is at most this; then (h/4δ)^2n is below 1e-7.
 const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
-/// Points per side where the kernel is smooth over the texel: nearly everywhere.
-const N_FAR: usize = RULES[0].0;
 
 /// Gauss–Legendre points and weights on [0, 1].
 #[derive(Debug, Clone)]
@@ -33,7 +31,7 @@ pub struct FullSum<'a> {
     panorama: &'a Panorama,
     base: [f64; 3],
     rules: Vec<Rule>,
-    /// cos φ and sin φ of the [`N_FAR`] points of each column.
+    /// cos φ and sin φ of the points of the smallest rule in each column: what nearly every texel takes.
     azimuths: Vec<(f64, f64)>,
     /// Whether the row holds anything beyond the base.
     occupied: Vec<bool>,

@@ -6,16 +6,28 @@
 //! ([`spherical_harmonics`]).
 
 pub mod area_average;
+pub mod builtin;
+pub mod chain;
 pub mod cube;
 pub mod full_sum;
+pub mod irradiance;
 pub mod kernel;
 pub mod monte_carlo;
 pub mod panorama;
 mod sampler;
+pub mod sky;
+pub mod spherical_harmonics;
+mod sun_disc;
 #[cfg(test)]
 mod test_maps;
 
 pub use area_average::area_average;
+pub use builtin::{BUILTINS, Builtin, builtin};
+pub use chain::{Chain, ChainSpec, Integrator, LevelReport, specular_chain};
 pub use cube::Cube;
+pub use full_sum::FullSum;
+pub use irradiance::irradiance_cube;
 pub use kernel::{Kernel, alpha_of_roughness};
+pub use monte_carlo::{Filtered, MonteCarlo};
 pub use panorama::{InputReport, Negatives, NonFinite, Panorama};
+pub use spherical_harmonics::SphericalHarmonics;

@@ -88,12 +88,10 @@ impl Panorama {
         Ok(panorama)
     }
 
-    /// The panorama with the same radiance in every texel row, given by a function of the texel.
-    pub(crate) fn from_fn(width: usize, radiance: impl Fn(TexelBox) -> [f64; 3]) -> Result<Self> {
+    /// The panorama `width` × `width / 2` whose texels are a function of their boxes.
+    pub(super) fn from_fn(width: usize, radiance: impl Fn(TexelBox) -> [f64; 3]) -> Result<Self> {
         let height = width / 2;
-        check_shape(width, height)?;
-        let blank = Self::new(width, height, vec![[0.0; 3]; width * height])?;
-        let texel = |index: usize| radiance(blank.texel_box(index % width, index / width)).map(|v| v as f32);
+        let texel = |index: usize| radiance(texel_box(width, index % width, index / width)).map(|v| v as f32);
         Self::new(width, height, (0..width * height).map(texel).collect())
     }
 
@@ -170,7 +168,7 @@ impl Panorama {
 
     /// Azimuth of the left edge of a column (`width` gives π).
     pub fn column_edge(&self, column: usize) -> f64 {
-        TAU * column as f64 / self.width as f64 - PI
+        column_edge(column, self.width)
     }
 
     /// The box of a texel.
@@ -246,6 +244,16 @@ impl Panorama {
 /// Luminance of linear Rec. 709 RGB.
 pub fn luminance(rgb: [f64; 3]) -> f64 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}
+
+/// The box of a texel of any panorama of this width.
+pub(super) fn texel_box(width: usize, column: usize, row: usize) -> TexelBox {
+    let y = |row: usize| row_edge(row, width / 2);
+    TexelBox { phi: [column_edge(column, width), column_edge(column + 1, width)], y: [y(row + 1), y(row)] }
+}
+
+fn column_edge(column: usize, width: usize) -> f64 {
+    TAU * column as f64 / width as f64 - PI
 }
 
 /// d.y at an edge between rows; the two hemispheres mirror each other to the last bit.
