@@ -1,1 +1,33 @@
-//! Environment maps.
+//! Environment maps: what a baker turns a panorama into.
+//!
+//! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
+//! average of mip 0 ([`area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
+//! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
+//! ([`spherical_harmonics`]).
+
+pub mod area_average;
+pub mod builtin;
+pub mod chain;
+pub mod cube;
+pub mod full_sum;
+pub mod irradiance;
+pub mod kernel;
+pub mod monte_carlo;
+pub mod panorama;
+mod sampler;
+pub mod sky;
+pub mod spherical_harmonics;
+mod sun_disc;
+#[cfg(test)]
+mod test_maps;
+
+pub use area_average::area_average;
+pub use builtin::{BUILTINS, Builtin, builtin};
+pub use chain::{Chain, ChainSpec, Integrator, LevelReport, specular_chain};
+pub use cube::Cube;
+pub use full_sum::FullSum;
+pub use irradiance::irradiance_cube;
+pub use kernel::{Kernel, alpha_of_roughness};
+pub use monte_carlo::{Filtered, MonteCarlo};
+pub use panorama::{InputReport, Negatives, NonFinite, Panorama};
+pub use spherical_harmonics::SphericalHarmonics;

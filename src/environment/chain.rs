@@ -1,0 +1,217 @@
+//! A chain of prefiltered levels: mip 0 sharp, each further level half as large and rougher.
+
+use serde::{Deserialize, Serialize};
+
+use super::area_average::area_average;
+use super::cube::Cube;
+use super::full_sum::FullSum;
+use super::kernel::{Kernel, alpha_of_roughness};
+use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
+use super::panorama::Panorama;
+use crate::error::{Error, Result};
+
+/// Which witness filters the levels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    /// Multiple importance sampling, with a standard error for every texel.
+    #[default]
+    MonteCarlo,
+    /// The full sum over the panorama, for small cubes: good to 1e-6, and slow.
+    Quadrature,
+}
+
+/// What a chain is to be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChainSpec {
+    /// Texels along an edge of level 0; each level has half as many as the one before it.
+    pub size: usize,
+    /// Perceptual roughness of each level, in [0, 1]; alpha is its square. Zero is the area average.
+    pub roughness: Vec<f64>,
+    /// Samples for each texel of the Monte Carlo witness.
+    pub samples: usize,
+    /// Chooses the sample points.
+    pub seed: u64,
+    /// Which witness filters.
+    pub integrator: Integrator,
+}
+
+/// Levels from the sharpest to the roughest, and what is known about each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    /// One cube for each roughness.
+    pub levels: Vec<Cube>,
+    /// One report for each level.
+    pub reports: Vec<LevelReport>,
+}
+
+/// What is known about a level.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LevelReport {
+    /// Texels along an edge of a face.
+    pub size: usize,
+    /// Perceptual roughness.
+    pub roughness: f64,
+    /// Microfacet width.
+    pub alpha: f64,
+    /// How the level was made: `area average`, `monte carlo`, `quadrature`.
+    pub method: String,
+    /// Samples for each texel; 0 for the deterministic methods.
+    pub samples: usize,
+    /// Root mean square over all values of the relative error: a standard error for Monte Carlo, a bound otherwise.
+    /// Relative to the value, or to [`DARK_FLOOR`] of the mean where the value is darker.
+    pub rms_error: f64,
+    /// The largest of the same.
+    pub max_error: f64,
+    /// Mean of each channel, weighted by solid angle.
+    pub mean: [f64; 3],
+    /// The largest |mean of the level / mean of the input − 1| over the channels. Texel centres do not sum to the flux
+    /// exactly (up to a few 1e-3 beside a lone sun), even when every one of them is exact.
+    pub mean_deviation: f64,
+}
+
+/// Relative errors are taken relative to at least this part of the panorama's mean.
+pub const DARK_FLOOR: f64 = 1e-3;
+
+/// Relative error of the area average and of the full sum: a rounding to f32, and what their tests hold them to.
+const AREA_AVERAGE_BOUND: f64 = 1e-7;
+const QUADRATURE_BOUND: f64 = 1e-6;
+
+impl ChainSpec {
+    /// The usual chain: from `size` down to `min_size`, with roughness rising evenly from 0 to 1.
+    ///
+    /// A single level is a mirror.
+    pub fn new(size: usize, min_size: usize) -> Self {
+        let levels = 1 + std::iter::successors(Some(size), |s| Some(s / 2)).skip(1).take_while(|&s| s >= min_size.max(1)).count();
+        let last = (levels - 1).max(1) as f64;
+        let roughness = (0..levels).map(|level| level as f64 / last).collect();
+        Self { size, roughness, samples: 4096, seed: 0, integrator: Integrator::default() }
+    }
+
+    /// Texels along an edge of a level.
+    pub fn level_size(&self, level: usize) -> usize {
+        self.size >> level
+    }
+
+    /// Texels of all levels together: what the progress callback adds up to.
+    pub fn total_texels(&self) -> u64 {
+        (0..self.roughness.len()).map(|level| 6 * (self.level_size(level) as u64).pow(2)).sum()
+    }
+
+    fn check(&self) -> Result<()> {
+        let levels = self.roughness.len();
+        if self.size == 0 || levels == 0 || levels > self.size.ilog2() as usize + 1 {
+            let most = if self.size == 0 { 0 } else { self.size.ilog2() + 1 };
+            return Err(Error::usage(
+                format!("chain of size {} with {levels} levels: from 1 to {most} levels are wanted", self.size),
+                "give a larger size or fewer roughness values",
+            ));
+        }
+        if let Some(wrong) = self.roughness.iter().find(|r| !(0.0..=1.0).contains(*r)) {
+            return Err(Error::usage(format!("roughness {wrong} is not in [0, 1]"), "correct the list of roughness values"));
+        }
+        if self.integrator == Integrator::MonteCarlo && self.samples < MIN_SAMPLES {
+            return Err(Error::usage(
+                format!("{} samples are fewer than the {MIN_SAMPLES} that a standard error needs", self.samples),
+                format!("use at least {MIN_SAMPLES} samples"),
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// The prefiltered chain of a panorama, every level straight from the panorama.
+///
+/// `finished` is told, from any thread, how many texels have been finished since its last call; see
+/// [`ChainSpec::total_texels`]. The result has the same bytes for every number of threads.
+///
+/// **Errors**: a specification that makes no sense.
+pub fn specular_chain(panorama: &Panorama, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Result<Chain> {
+    spec.check()?;
+    let filter = Filter::new(panorama, spec);
+    let (levels, reports) = spec
+        .roughness
+        .iter()
+        .enumerate()
+        .map(|(level, &roughness)| filter.level(spec.level_size(level), roughness, finished))
+        .unzip();
+    Ok(Chain { levels, reports })
+}
+
+/// The witnesses of one chain, prepared once.
+pub(super) struct Filter<'a> {
+    panorama: &'a Panorama,
+    samples: usize,
+    witness: Witness<'a>,
+}
+
+enum Witness<'a> {
+    MonteCarlo(MonteCarlo),
+    Quadrature(FullSum<'a>),
+}
+
+impl<'a> Filter<'a> {
+    pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec) -> Self {
+        let witness = match spec.integrator {
+            Integrator::MonteCarlo => Witness::MonteCarlo(MonteCarlo::new(panorama, spec.seed)),
+            Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
+        };
+        Self { panorama, samples: spec.samples, witness }
+    }
+
+    pub(super) fn level(&self, size: usize, roughness: f64, finished: &(dyn Fn(u64) + Sync)) -> (Cube, LevelReport) {
+        let alpha = alpha_of_roughness(roughness);
+        if alpha == 0.0 {
+            let cube = area_average(self.panorama, size);
+            finished(cube.texels.len() as u64);
+            let report = self.report(&cube, roughness, "area average", 0, (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND));
+            return (cube, report);
+        }
+        let kernel = Kernel::new(alpha);
+        match &self.witness {
+            Witness::MonteCarlo(monte_carlo) => {
+                let filtered = monte_carlo.filter(size, &kernel, self.samples, finished);
+                let errors = self.relative_errors(&filtered.cube, &filtered.standard_errors);
+                let report = self.report(&filtered.cube, roughness, "monte carlo", filtered.samples, errors);
+                (filtered.cube, report)
+            }
+            Witness::Quadrature(full_sum) => {
+                let cube = full_sum.filter(size, &kernel, finished);
+                let report = self.report(&cube, roughness, "quadrature", 0, (QUADRATURE_BOUND, QUADRATURE_BOUND));
+                (cube, report)
+            }
+        }
+    }
+
+    /// Root mean square and maximum of error / max(|value|, floor).
+    fn relative_errors(&self, cube: &Cube, errors: &[[f32; 3]]) -> (f64, f64) {
+        let mean = self.panorama.mean();
+        let (mut squares, mut largest) = (0.0, 0.0f64);
+        for (value, error) in cube.texels.iter().zip(errors) {
+            for c in 0..3 {
+                let scale = f64::from(value[c]).abs().max(DARK_FLOOR * mean[c].abs());
+                // A channel that is black everywhere has no error and no scale.
+                let relative = if error[c] == 0.0 { 0.0 } else { f64::from(error[c]) / scale };
+                squares += relative * relative;
+                largest = largest.max(relative);
+            }
+        }
+        ((squares / (3 * errors.len()) as f64).sqrt(), largest)
+    }
+
+    fn report(&self, cube: &Cube, roughness: f64, method: &str, samples: usize, errors: (f64, f64)) -> LevelReport {
+        let (mean, wanted) = (cube.mean(), self.panorama.mean());
+        let deviation = |c: usize| if wanted[c] == mean[c] { 0.0 } else { (mean[c] / wanted[c] - 1.0).abs() };
+        LevelReport {
+            size: cube.size,
+            roughness,
+            alpha: alpha_of_roughness(roughness),
+            method: method.to_owned(),
+            samples,
+            rms_error: errors.0,
+            max_error: errors.1,
+            mean,
+            mean_deviation: (0..3).map(deviation).fold(0.0, f64::max),
+        }
+    }
+}

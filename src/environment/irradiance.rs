@@ -1,0 +1,22 @@
+//! Lambert's irradiance as a cube: E(n)/π, what a white matte surface facing n shows.
+
+use super::chain::{ChainSpec, Filter, LevelReport};
+use super::cube::Cube;
+use super::panorama::Panorama;
+use crate::error::{Error, Result};
+
+/// Irradiance divided by π for every direction of a cube: the filter at alpha = 1, where its kernel is max(c, 0)/π.
+///
+/// `spec` gives size, samples, seed and integrator; its roughness list is not read.
+///
+/// **Errors**: a size of zero.
+pub fn irradiance_cube(
+    panorama: &Panorama,
+    spec: &ChainSpec,
+    finished: &(dyn Fn(u64) + Sync),
+) -> Result<(Cube, LevelReport)> {
+    if spec.size == 0 {
+        return Err(Error::usage("irradiance cube of size 0", "use a size of at least 1, such as 32"));
+    }
+    Ok(Filter::new(panorama, spec).level(spec.size, 1.0, finished))
+}

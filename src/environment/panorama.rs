@@ -1,0 +1,299 @@
+//! The environment itself: piecewise constant over the texels of an equirectangular panorama.
+//!
+//! A direction d samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π (+Y up, right-handed). A texel is
+//! a box in (φ, d.y), where φ = atan2(d.z, d.x): those two coordinates preserve area on the sphere (Archimedes), so a
+//! texel's solid angle is the box's area, and a sun of two texels has a flux that is known exactly.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::format::Image;
+
+/// Fewest rows of a panorama; it is twice as wide as it is high.
+pub const MIN_HEIGHT: usize = 2;
+
+/// What becomes of NaN and infinities in an input.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NonFinite {
+    /// Refuse the input and say where the first one is.
+    #[default]
+    Error,
+    /// Replace each by zero, and count them.
+    Zero,
+}
+
+/// What becomes of negative radiance in an input (lossy compression makes it, beside suns).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Negatives {
+    /// Keep it, and count it.
+    #[default]
+    Keep,
+    /// Replace each value by zero, and count them.
+    Clamp,
+}
+
+/// What was wrong with the values of an input.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct InputReport {
+    /// Values that were NaN or infinite, and are zero now.
+    pub nonfinite: u64,
+    /// Values below zero, kept or set to zero as the policy says.
+    pub negative: u64,
+    /// The smallest finite value of the input.
+    pub min: f32,
+}
+
+/// The box that a texel is on the sphere: dω = dφ d(d.y).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TexelBox {
+    /// Lower and upper azimuth atan2(d.z, d.x), in [−π, π].
+    pub phi: [f64; 2],
+    /// Lower and upper height d.y, in [−1, 1].
+    pub y: [f64; 2],
+}
+
+/// A radiance map over the sphere, piecewise constant over `width × height` texels, linear RGB, all finite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Panorama {
+    width: usize,
+    height: usize,
+    texels: Vec<[f32; 3]>,
+    /// d.y at the `height + 1` edges of the rows, from 1 down to −1.
+    row_edges: Vec<f64>,
+    mean: [f64; 3],
+}
+
+impl Panorama {
+    /// The panorama with these texels, row 0 at the top (+Y).
+    ///
+    /// **Errors**: not 2:1, fewer than [`MIN_HEIGHT`] rows, a number of texels that does not fit, values not finite.
+    pub fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Result<Self> {
+        check_shape(width, height)?;
+        if texels.len() != width * height {
+            return Err(Error::invalid(
+                format!("panorama of {width} × {height} holds {} texels, {} were wanted", texels.len(), width * height),
+                "give one texel per pixel",
+            ));
+        }
+        let values = texels.iter().flatten().copied();
+        refuse_nonfinite(values.clone().filter(|v| !v.is_finite()).count(), values, width)?;
+        let row_edges: Vec<f64> = (0..=height).map(|row| row_edge(row, height)).collect();
+        let mut panorama = Self { width, height, texels, row_edges, mean: [0.0; 3] };
+        panorama.mean = panorama.compute_mean();
+        Ok(panorama)
+    }
+
+    /// The panorama `width` × `width / 2` whose texels are a function of their boxes.
+    pub(super) fn from_fn(width: usize, radiance: impl Fn(TexelBox) -> [f64; 3]) -> Result<Self> {
+        let height = width / 2;
+        let texel = |index: usize| radiance(texel_box(width, index % width, index / width)).map(|v| v as f32);
+        Self::new(width, height, (0..width * height).map(texel).collect())
+    }
+
+    /// The panorama that a picture holds: channels `R`, `G`, `B` (or `r`, `g`, `b`) by name, or a single channel as grey;
+    /// other channels are left out.
+    ///
+    /// **Errors**: see [`Panorama::new`]; also when the channels are not there, or when a value is not finite and the
+    /// policy is [`NonFinite::Error`].
+    pub fn from_image(image: &Image, nonfinite: NonFinite, negatives: Negatives) -> Result<(Self, InputReport)> {
+        check_shape(image.width, image.height)?;
+        let stride = image.channels.len();
+        if image.texels.len() != image.width * image.height * stride {
+            return Err(Error::invalid(
+                format!(
+                    "picture of {} × {} × {stride} channels holds {} values",
+                    image.width,
+                    image.height,
+                    image.texels.len()
+                ),
+                "decode the whole file",
+            ));
+        }
+        let channels = colour_channels(&image.channels)?;
+        let mut texels: Vec<[f32; 3]> =
+            image.texels.chunks_exact(stride).map(|texel| channels.map(|channel| texel[channel])).collect();
+
+        let values = || texels.iter().flatten().copied();
+        let count = |wrong: fn(f32) -> bool| values().filter(|&v| wrong(v)).count();
+        let n_nonfinite = count(|v| !v.is_finite());
+        if nonfinite == NonFinite::Error {
+            refuse_nonfinite(n_nonfinite, values(), image.width)?;
+        }
+        let min = values().filter(|v| v.is_finite()).fold(f32::INFINITY, f32::min);
+        let n_negative = count(|v| v < 0.0 && v.is_finite());
+        let grey = if channels[0] == channels[2] { 3 } else { 1 }; // a grey value was counted three times
+        let report = InputReport {
+            nonfinite: (n_nonfinite / grey) as u64,
+            negative: (n_negative / grey) as u64,
+            min: if min.is_finite() { min } else { 0.0 },
+        };
+
+        for value in texels.iter_mut().flatten() {
+            if !value.is_finite() || (*value < 0.0 && negatives == Negatives::Clamp) {
+                *value = 0.0;
+            }
+        }
+        Ok((Self::new(image.width, image.height, texels)?, report))
+    }
+
+    /// Texels in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// All texels, row by row from the top (+Y), each row from φ = −π to π.
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
+    /// One row of texels.
+    pub fn row(&self, row: usize) -> &[[f32; 3]] {
+        &self.texels[row * self.width..(row + 1) * self.width]
+    }
+
+    /// The heights d.y of the `height + 1` edges between rows, from 1 down to −1.
+    pub fn row_edges(&self) -> &[f64] {
+        &self.row_edges
+    }
+
+    /// Azimuth of the left edge of a column (`width` gives π).
+    pub fn column_edge(&self, column: usize) -> f64 {
+        column_edge(column, self.width)
+    }
+
+    /// The box of a texel.
+    pub fn texel_box(&self, column: usize, row: usize) -> TexelBox {
+        TexelBox {
+            phi: [self.column_edge(column), self.column_edge(column + 1)],
+            y: [self.row_edges[row + 1], self.row_edges[row]],
+        }
+    }
+
+    /// Solid angle of each texel of a row, in steradians.
+    pub fn solid_angle(&self, row: usize) -> f64 {
+        // cos a − cos b = 2 sin((a+b)/2) sin((b−a)/2): no cancellation at the poles.
+        let n = self.height as f64;
+        TAU / self.width as f64 * 2.0 * (PI * (row as f64 + 0.5) / n).sin() * (PI / (2.0 * n)).sin()
+    }
+
+    /// Column and row of the texel in a direction (which need not be of unit length).
+    pub fn locate(&self, direction: DVec3) -> (usize, usize) {
+        let horizontal = direction.x.hypot(direction.z);
+        let u = 0.5 + direction.z.atan2(direction.x) / TAU;
+        let v = horizontal.atan2(direction.y) / PI;
+        let index = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
+        (index(u, self.width), index(v, self.height))
+    }
+
+    /// Radiance from a direction.
+    pub fn radiance(&self, direction: DVec3) -> [f32; 3] {
+        let (column, row) = self.locate(direction);
+        self.texels[row * self.width + column]
+    }
+
+    /// Mean radiance over the sphere, weighted by solid angle. A constant panorama has exactly its constant.
+    pub fn mean(&self) -> [f64; 3] {
+        self.mean
+    }
+
+    /// Smallest radiance in each channel.
+    pub fn min(&self) -> [f32; 3] {
+        let lower = |m: [f32; 3], t: &[f32; 3]| std::array::from_fn(|c| m[c].min(t[c]));
+        self.texels.iter().fold([f32::INFINITY; 3], lower)
+    }
+
+    /// Position of the texel with the largest luminance, and its luminance.
+    pub fn peak(&self) -> (usize, usize, f64) {
+        let brighter = |best: (usize, f64), (index, texel): (usize, &[f32; 3])| {
+            let y = luminance(texel.map(f64::from));
+            if y > best.1 { (index, y) } else { best }
+        };
+        let (index, y) = self.texels.iter().enumerate().fold((0, f64::NEG_INFINITY), brighter);
+        (index % self.width, index / self.width, y)
+    }
+
+    fn compute_mean(&self) -> [f64; 3] {
+        // Relative to one texel, so that a constant comes out as itself.
+        let origin = self.texels[0].map(f64::from);
+        let mut sum = [0.0; 3];
+        for row in 0..self.height {
+            let mut row_sum = [0.0; 3];
+            for texel in self.row(row) {
+                for c in 0..3 {
+                    row_sum[c] += f64::from(texel[c]) - origin[c];
+                }
+            }
+            for c in 0..3 {
+                sum[c] += row_sum[c] * self.solid_angle(row);
+            }
+        }
+        std::array::from_fn(|c| origin[c] + sum[c] / (4.0 * PI))
+    }
+}
+
+/// Luminance of linear Rec. 709 RGB.
+pub fn luminance(rgb: [f64; 3]) -> f64 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}
+
+/// The box of a texel of any panorama of this width.
+pub(super) fn texel_box(width: usize, column: usize, row: usize) -> TexelBox {
+    let y = |row: usize| row_edge(row, width / 2);
+    TexelBox { phi: [column_edge(column, width), column_edge(column + 1, width)], y: [y(row + 1), y(row)] }
+}
+
+fn column_edge(column: usize, width: usize) -> f64 {
+    TAU * column as f64 / width as f64 - PI
+}
+
+/// d.y at an edge between rows; the two hemispheres mirror each other to the last bit.
+fn row_edge(row: usize, height: usize) -> f64 {
+    // cos θ = sin(π/2 − θ), exact at the poles and at the equator.
+    (PI / 2.0 * (height as f64 - 2.0 * row as f64) / height as f64).sin()
+}
+
+fn check_shape(width: usize, height: usize) -> Result<()> {
+    if width != 2 * height || height < MIN_HEIGHT {
+        return Err(Error::invalid(
+            format!(
+                "panorama of {width} × {height} is not equirectangular: 2:1 and at least {} × {MIN_HEIGHT} are wanted",
+                2 * MIN_HEIGHT
+            ),
+            format!("crop or resample it to {} × {}", 2 * height.max(MIN_HEIGHT), height.max(MIN_HEIGHT)),
+        ));
+    }
+    Ok(())
+}
+
+fn refuse_nonfinite(count: usize, mut values: impl Iterator<Item = f32>, width: usize) -> Result<()> {
+    let Some(first) = values.position(|v| !v.is_finite()) else { return Ok(()) };
+    let (x, y, channel) = (first / 3 % width, first / 3 / width, ["red", "green", "blue"][first % 3]);
+    Err(Error::invalid(
+        format!("panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"),
+        "repair the file, or ask for zeros in their place",
+    ))
+}
+
+fn colour_channels(names: &[String]) -> Result<[usize; 3]> {
+    if names.len() == 1 {
+        return Ok([0; 3]);
+    }
+    let find = |upper: &str| names.iter().position(|name| name.eq_ignore_ascii_case(upper));
+    match (find("R"), find("G"), find("B")) {
+        (Some(r), Some(g), Some(b)) => Ok([r, g, b]),
+        _ => Err(Error::invalid(
+            format!("picture has the channels {}, but R, G and B (or a single one) are wanted", names.join(", ")),
+            "rename its channels or choose the layer that has them",
+        )),
+    }
+}
