@@ -86,6 +86,14 @@ pub fn locate(direction: DVec3) -> (usize, f64, f64) {
     }
 }
 
+/// The texel of a cube of this size that a direction meets, counted as [`Cube::texels`] is.
+pub fn nearest_texel(size: usize, direction: DVec3) -> usize {
+    let (face, u, v) = locate(direction);
+    // The far edge of the last texel belongs to it.
+    let index = |t: f64| (((t + 1.0) / 2.0 * size as f64) as usize).min(size - 1);
+    (face * size + index(v)) * size + index(u)
+}
+
 /// Exact solid angles of the texels of one face (all faces are alike), row by row.
 pub fn solid_angles(size: usize) -> Vec<f64> {
     let corner: Vec<f64> = grid(size).map(|(u, v)| corner_angle(u, v)).collect();

@@ -71,7 +71,7 @@ fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&GradedRules) -> Sum<
 const SAFETY: f64 = 4.0;
 
 /// The part of a rung's nominal error below which agreement is taken for chance.
-const PROMISE: f64 = 0.0025;
+const PROMISE: f64 = 0.025;
 
 /// Values of an integral by one rule, and what is known to be wrong with them.
 struct Sum<const K: usize> {

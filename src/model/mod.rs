@@ -9,6 +9,11 @@ pub mod lambert;
 
 use glam::DVec3;
 
+/// alpha of an artist's roughness: the one place that knows.
+pub fn alpha_of_roughness(roughness: f64) -> f64 {
+    roughness * roughness
+}
+
 /// A direction drawn from a lobe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {

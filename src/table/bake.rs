@@ -3,7 +3,7 @@
 use super::axis::{Axis, LARGEST_SIZE};
 use super::quantity::{Family, Handle, Model, Parameter, Point, evaluate_family};
 use crate::error::{Error, Result};
-use crate::integrate::{ErrorKind, Integration};
+use crate::integrate::{ErrorKind, Estimate, Integration};
 use rayon::prelude::*;
 
 /// Told how many texels have been finished since the last call, from any thread.
@@ -119,8 +119,8 @@ impl TableSpec {
         Ok(())
     }
 
-    /// The families behind the channels, each once, with the channels that it fills.
-    fn families(&self) -> Vec<(&'static dyn Family, Vec<(usize, usize)>)> {
+    /// What computes all channels at a point, each family of quantities once.
+    pub fn evaluator(&self) -> Evaluator {
         let mut families: Vec<(Handle, Vec<(usize, usize)>)> = vec![];
         for (channel, handle) in self.channels.iter().enumerate() {
             match families.iter_mut().find(|(h, _)| h.same_family(handle)) {
@@ -128,7 +128,8 @@ impl TableSpec {
                 None => families.push((*handle, vec![(handle.index, channel)])),
             }
         }
-        families.into_iter().map(|(h, fills)| (h.family, fills)).collect()
+        let families = families.into_iter().map(|(h, fills)| (h.family, fills)).collect();
+        Evaluator { families, channels: self.channels.clone(), model: self.model }
     }
 
     /// Integrates every texel; the same bits for any number of threads.
@@ -136,7 +137,7 @@ impl TableSpec {
     /// **Errors**: [`TableSpec::check`]; a tolerance that some texel does not reach.
     pub fn bake(&self, integration: &Integration, progress: Progress) -> Result<Table> {
         self.check()?;
-        let families = self.families();
+        let evaluator = self.evaluator();
         let (width, channels) = (self.width(), self.channels.len());
         let row_length = width * channels;
         let mut values = vec![0.0; self.len() * channels];
@@ -145,13 +146,10 @@ impl TableSpec {
             |(row, (values, errors))| {
                 for x in 0..width {
                     let at = self.point(row * width + x);
-                    for (family, fills) in &families {
-                        let estimates = evaluate_family(*family, &at, &self.model, integration)?;
-                        for &(index, channel) in fills {
-                            let estimate = self.channels[channel].reached(estimates[index], integration)?;
-                            values[x * channels + channel] = estimate.value;
-                            errors[x * channels + channel] = estimate.error;
-                        }
+                    for (c, estimate) in evaluator.at(&at, integration)?.into_iter().enumerate() {
+                        let estimate = self.channels[c].reached(estimate, integration)?;
+                        values[x * channels + c] = estimate.value;
+                        errors[x * channels + c] = estimate.error;
                     }
                 }
                 progress(width as u64);
@@ -165,6 +163,30 @@ impl TableSpec {
     /// The axis that varies `parameter`, or the parameter that it stands for.
     pub fn axis(&self, parameter: Parameter) -> Option<&Axis> {
         self.axes.iter().find(|a| a.parameter.canonical() == parameter.canonical())
+    }
+}
+
+/// Computes the channels of a [`TableSpec`] at any point.
+pub struct Evaluator {
+    /// Each family with the (place in the family, channel) pairs that it fills.
+    families: Vec<(&'static dyn Family, Vec<(usize, usize)>)>,
+    channels: Vec<Handle>,
+    model: Model,
+}
+
+impl Evaluator {
+    /// One estimate per channel.
+    ///
+    /// **Errors**: a missing parameter.
+    pub fn at(&self, at: &Point, integration: &Integration) -> Result<Vec<Estimate>> {
+        let mut estimates = vec![Estimate::bound(f64::NAN, f64::NAN); self.channels.len()];
+        for (family, fills) in &self.families {
+            let values = evaluate_family(*family, at, &self.model, integration)?;
+            for &(index, channel) in fills {
+                estimates[channel] = values[index];
+            }
+        }
+        Ok(estimates)
     }
 }
 

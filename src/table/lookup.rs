@@ -1,7 +1,7 @@
 //! What a shader sees: the error of a table through bilinear filtering.
 
 use super::bake::TableSpec;
-use super::quantity::{Point, evaluate_family};
+use super::quantity::Point;
 use crate::error::Result;
 use crate::integrate::{Integration, Settings};
 use rayon::prelude::*;
@@ -58,7 +58,7 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
         .collect();
     let one = vec![0.0];
     let ys = per_axis.get(1).unwrap_or(&one);
-    let channels = spec.channels.len();
+    let (channels, evaluator) = (spec.channels.len(), spec.evaluator());
     let rows: Vec<Vec<(Vec<f64>, Vec<f64>)>> = ys
         .par_iter()
         .map(|&y| {
@@ -71,12 +71,8 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
                     for (axis, value) in spec.axes.iter().zip(&place) {
                         at.set(axis.parameter, *value);
                     }
-                    let mut errors = vec![0.0; channels];
                     let seen = bilinear(texels, spec.width(), spec.height(), channels, x, y);
-                    for (c, handle) in spec.channels.iter().enumerate() {
-                        let value = evaluate_family(handle.family, &at, &spec.model, &truth)?[handle.index].value;
-                        errors[c] = seen[c] - value;
-                    }
+                    let errors = evaluator.at(&at, &truth)?.iter().zip(seen).map(|(e, seen)| seen - e.value).collect();
                     Ok((errors, place))
                 })
                 .collect::<Result<_>>()

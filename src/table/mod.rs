@@ -12,5 +12,5 @@ pub mod named;
 pub mod quantity;
 
 pub use axis::{Axis, Sampling};
-pub use bake::{Progress, Table, TableSpec};
+pub use bake::{Evaluator, Progress, Table, TableSpec};
 pub use quantity::{Family, Model, Parameter, Point, Quantity};

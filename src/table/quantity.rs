@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::integrate::{Estimate, Integration};
+use crate::model::alpha_of_roughness;
 use crate::model::ggx::Smith;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -55,11 +56,6 @@ impl fmt::Display for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
-}
-
-/// alpha of an artist's roughness: the one place that knows.
-pub fn alpha_of_roughness(roughness: f64) -> f64 {
-    roughness * roughness
 }
 
 /// Values of the parameters at which a quantity is wanted. All of them live in [0, 1].
