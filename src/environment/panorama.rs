@@ -280,7 +280,7 @@ fn refuse_nonfinite(count: usize, mut values: impl Iterator<Item = f32>, width: 
     let (x, y, channel) = (first / 3 % width, first / 3 / width, ["red", "green", "blue"][first % 3]);
     Err(Error::invalid(
         format!("panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"),
-        "repair the file, or ask for zeros in their place",
+        "repair the file, or use --nonfinite zero",
     ))
 }
 
