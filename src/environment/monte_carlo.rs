@@ -153,9 +153,10 @@ impl<'a> SharedSamples<'a> {
     fn estimate(&self, axis: DVec3) -> ([f64; 3], [f64; 3]) {
         let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
         let (x, y) = frame(axis);
+        let mut texels = Vec::with_capacity(self.n);
         for (lobe, lights) in self.lobe.chunks_exact(self.n).zip(self.lights.chunks_exact(self.n)) {
             let mut replicate = [0.0; 3];
-            self.add_lobe_samples(lobe, [x, y, axis], &mut replicate);
+            self.add_lobe_samples(lobe, [x, y, axis], &mut texels, &mut replicate);
             self.add_light_samples(lights, axis, &mut replicate);
             for c in 0..3 {
                 let value = replicate[c] / self.n as f64;
@@ -173,11 +174,15 @@ impl<'a> SharedSamples<'a> {
     // Both strategies have n samples, so by the balance heuristic each contributes K L / (pdf_lobe + pdf_light). With
     // K = N c / d², pdf_lobe = A / d² and d = 1 − βc that is N c L / (A + pdf_light d²): bounded, however narrow the lobe.
 
-    fn add_lobe_samples(&self, samples: &[LobeSample], [x, y, z]: [DVec3; 3], sum: &mut [f64; 3]) {
+    fn add_lobe_samples(&self, samples: &[LobeSample], frame: [DVec3; 3], texels: &mut Vec<usize>, sum: &mut [f64; 3]) {
         let (_, one_minus_beta, norm) = self.kernel.coefficients();
-        for sample in samples {
-            let direction = x * sample.local.x + y * sample.local.y + z * sample.local.z;
-            let (radiance, pdf) = self.environment.radiance_and_pdf(self.environment.locate(direction));
+        // All places first, then all texels: the processor can then wait for several of the latter at once.
+        let [x, y, z] = frame;
+        let direction = |s: &LobeSample| x * s.local.x + y * s.local.y + z * s.local.z;
+        texels.clear();
+        texels.extend(samples.iter().map(|sample| self.environment.locate(direction(sample))));
+        for (sample, &texel) in samples.iter().zip(texels.iter()) {
+            let (radiance, pdf) = self.environment.radiance_and_pdf(texel);
             let weight = norm * sample.cos / (one_minus_beta / TAU + pdf * sample.denominator);
             for c in 0..3 {
                 sum[c] += weight * radiance[c];
