@@ -28,6 +28,6 @@ pub use cube::Cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
 pub use kernel::{Kernel, alpha_of_roughness};
-pub use monte_carlo::{Filtered, MonteCarlo};
+pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
 pub use panorama::{InputReport, Negatives, NonFinite, Panorama};
 pub use spherical_harmonics::SphericalHarmonics;

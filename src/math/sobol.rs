@@ -63,7 +63,8 @@ impl<const D: usize> PointSet<D> {
         let directions: [[u32; DIGITS as usize]; D] = std::array::from_fn(direction_numbers);
         self.points.reserve((n as usize).saturating_sub(self.points.len()));
         for index in self.points.len() as u64..n {
-            let coordinate = |dimension: usize| scramble(sobol(&directions[dimension], index as u32), self.keys[dimension]);
+            let coordinate =
+                |dimension: usize| scramble(sobol(&directions[dimension], index as u32), self.keys[dimension]);
             self.points.push(std::array::from_fn(coordinate));
         }
     }
