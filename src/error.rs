@@ -36,7 +36,9 @@ pub enum Error {
         way_out: &'static str,
     },
     /// A file was read, judged, and found wrong.
-    #[error("verification failed: {failed} of {total} checks; bake the file again, or see which value differs in the report")]
+    #[error(
+        "verification failed: {failed} of {total} checks; bake the file again, or see which value differs in the report"
+    )]
     Verification {
         /// How many checks failed.
         failed: usize,

@@ -8,8 +8,9 @@ use kiln::environment::chain::DARK_FLOOR;
 use kiln::environment::cube::texel_direction;
 use kiln::environment::spherical_harmonics::{judge, project};
 use kiln::environment::{
-    BUILTINS, ChainSpec, FullSum, Integrator, Kernel, MonteCarlo, Panorama, builtin, irradiance_cube, specular_chain,
+    BUILTINS, ChainSpec, FullSum, Kernel, MonteCarlo, Panorama, builtin, irradiance_cube, specular_chain,
 };
+use kiln::integrate::Integrator;
 use kiln::math::sobol::PointSet;
 
 /// Texels in [0, 1) with a few lamps, an exact black and one sun of 1e5.

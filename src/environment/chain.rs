@@ -5,21 +5,12 @@ use serde::{Deserialize, Serialize};
 use super::area_average::area_average;
 use super::cube::Cube;
 use super::full_sum::FullSum;
-use super::kernel::{Kernel, alpha_of_roughness};
+use super::kernel::Kernel;
 use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
 use super::panorama::Panorama;
 use crate::error::{Error, Result};
-
-/// Which witness filters the levels.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Integrator {
-    /// Multiple importance sampling, with a standard error for every texel.
-    #[default]
-    MonteCarlo,
-    /// The full sum over the panorama, for small cubes: good to 1e-6, and slow.
-    Quadrature,
-}
+use crate::integrate::Integrator;
+use crate::model::alpha_of_roughness;
 
 /// What a chain is to be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,7 +23,7 @@ pub struct ChainSpec {
     pub samples: usize,
     /// Chooses the sample points.
     pub seed: u64,
-    /// Which witness filters.
+    /// Which witness filters; `auto` is Monte Carlo, as long as there is nothing faster.
     pub integrator: Integrator,
 }
 
@@ -54,7 +45,7 @@ pub struct LevelReport {
     pub roughness: f64,
     /// Microfacet width.
     pub alpha: f64,
-    /// How the level was made: `area average`, `monte carlo`, `quadrature`.
+    /// How the level was made: `area-average`, `monte-carlo`, `quadrature`.
     pub method: String,
     /// Samples for each texel; 0 for the deterministic methods.
     pub samples: usize,
@@ -116,7 +107,7 @@ impl ChainSpec {
                 "correct the list of roughness values",
             ));
         }
-        if self.integrator == Integrator::MonteCarlo && self.samples < MIN_SAMPLES {
+        if self.integrator != Integrator::Quadrature && self.samples < MIN_SAMPLES {
             return Err(Error::usage(
                 format!("{} samples are fewer than the {MIN_SAMPLES} that a standard error needs", self.samples),
                 format!("use at least {MIN_SAMPLES} samples"),
@@ -159,8 +150,8 @@ enum Witness<'a> {
 impl<'a> Filter<'a> {
     pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec) -> Self {
         let witness = match spec.integrator {
-            Integrator::MonteCarlo => Witness::MonteCarlo(MonteCarlo::new(panorama, spec.seed)),
             Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
+            Integrator::Auto | Integrator::MonteCarlo => Witness::MonteCarlo(MonteCarlo::new(panorama, spec.seed)),
         };
         Self { panorama, samples: spec.samples, witness }
     }
@@ -170,7 +161,7 @@ impl<'a> Filter<'a> {
         if alpha == 0.0 {
             let cube = area_average(self.panorama, size);
             finished(cube.texels.len() as u64);
-            let report = self.report(&cube, roughness, "area average", 0, (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND));
+            let report = self.report(&cube, roughness, "area-average", 0, (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND));
             return (cube, report);
         }
         let kernel = Kernel::new(alpha);
@@ -178,7 +169,7 @@ impl<'a> Filter<'a> {
             Witness::MonteCarlo(monte_carlo) => {
                 let filtered = monte_carlo.filter(size, &kernel, self.samples, finished);
                 let errors = self.relative_errors(&filtered.cube, &filtered.standard_errors);
-                let report = self.report(&filtered.cube, roughness, "monte carlo", filtered.samples, errors);
+                let report = self.report(&filtered.cube, roughness, "monte-carlo", filtered.samples, errors);
                 (filtered.cube, report)
             }
             Witness::Quadrature(full_sum) => {

@@ -26,9 +26,7 @@ impl Cube {
 
     /// The texel in a direction: the nearest one, not filtered.
     pub fn nearest(&self, direction: DVec3) -> [f32; 3] {
-        let (face, u, v) = locate(direction);
-        let index = |t: f64| (((t + 1.0) / 2.0 * self.size as f64) as usize).min(self.size - 1);
-        self.face(face)[index(v) * self.size + index(u)]
+        self.texels[nearest_texel(self.size, direction)]
     }
 
     /// Mean over the sphere of the texels as they are, weighted by their exact solid angles.
@@ -84,6 +82,14 @@ pub fn locate(direction: DVec3) -> (usize, f64, f64) {
     } else {
         (5, -x / az, -y / az)
     }
+}
+
+/// The texel of a cube of this size that a direction meets, counted as [`Cube::texels`] is.
+pub fn nearest_texel(size: usize, direction: DVec3) -> usize {
+    let (face, u, v) = locate(direction);
+    // The far edge of the last texel belongs to it.
+    let index = |t: f64| (((t + 1.0) / 2.0 * size as f64) as usize).min(size - 1);
+    (face * size + index(v)) * size + index(u)
 }
 
 /// Exact solid angles of the texels of one face (all faces are alike), row by row.

@@ -22,11 +22,6 @@ pub struct Kernel {
     norm: f64,
 }
 
-/// Microfacet width of a perceptual roughness: its square. The only place of this module that converts.
-pub fn alpha_of_roughness(roughness: f64) -> f64 {
-    roughness * roughness
-}
-
 impl Kernel {
     /// The kernel of microfacet width `alpha`, in (0, 1]. (A mirror, alpha = 0, has no kernel.)
     pub fn new(alpha: f64) -> Self {

@@ -16,6 +16,7 @@ pub mod monte_carlo;
 pub mod panorama;
 mod sampler;
 pub mod sky;
+mod source;
 pub mod spherical_harmonics;
 mod sun_disc;
 #[cfg(test)]
@@ -23,11 +24,12 @@ mod test_maps;
 
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
-pub use chain::{Chain, ChainSpec, Integrator, LevelReport, specular_chain};
+pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, specular_chain};
 pub use cube::Cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
-pub use kernel::{Kernel, alpha_of_roughness};
+pub use kernel::Kernel;
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
-pub use panorama::{InputReport, Negatives, NonFinite, Panorama};
+pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
+pub use source::{BUILTIN_PREFIX, load};
 pub use spherical_harmonics::SphericalHarmonics;

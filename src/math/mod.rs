@@ -1,3 +1,7 @@
-//! Mathematics that knows nothing of light: point sets, quadrature rules, warps, frames, sums.
+//! Mathematics that knows nothing of light: point sets, quadrature rules, frames, warps of axes, statistics.
 
+pub mod frame;
+pub mod quadrature;
 pub mod sobol;
+pub mod statistics;
+pub mod warp;

@@ -7,6 +7,8 @@
 //! projections" (the first ten rows of their table `new-joe-kuo-6`); scrambling of Owen (1995), "Randomly permuted
 //! (t,m,s)-nets and (t,s)-sequences", done literally: one independent coin for every node of the binary tree of prefixes.
 
+use std::ops::Range;
+
 /// The largest number of dimensions that [`PointSet`] knows.
 pub const MAX_DIMENSIONS: usize = 10;
 
@@ -60,13 +62,16 @@ impl<const D: usize> PointSet<D> {
     /// A power of two keeps the set balanced. Beyond 2^32 points the sequence would repeat, so `n` stops there.
     pub fn extend_to(&mut self, n: usize) {
         let n = (n as u64).min(1 << DIGITS);
+        let more = self.range(self.points.len() as u64..n);
+        self.points.extend(more);
+    }
+
+    /// The points of the sequence with these indices, without keeping them.
+    pub fn range(&self, indices: Range<u64>) -> Vec<[f64; D]> {
         let directions: [[u32; DIGITS as usize]; D] = std::array::from_fn(direction_numbers);
-        self.points.reserve((n as usize).saturating_sub(self.points.len()));
-        for index in self.points.len() as u64..n {
-            let coordinate =
-                |dimension: usize| scramble(sobol(&directions[dimension], index as u32), self.keys[dimension]);
-            self.points.push(std::array::from_fn(coordinate));
-        }
+        let coordinate =
+            |index: u64, dimension: usize| scramble(sobol(&directions[dimension], index as u32), self.keys[dimension]);
+        indices.map(|index| std::array::from_fn(|dimension| coordinate(index, dimension))).collect()
     }
 
     /// The points, in the order of the sequence.

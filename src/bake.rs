@@ -1,0 +1,67 @@
+//! Baking: from a recipe to the bytes of its files, each with its certificate.
+//!
+//! Pure: nothing here touches a disk. Files are written by [`Baked::write`], all or none.
+
+mod environment;
+mod table;
+
+pub use environment::{DEFAULT_SAMPLES, SH_SCHEMA, ShFile, environment, environment_texels};
+pub(crate) use environment::{largest, ulp};
+pub use table::table;
+
+use crate::certificate::{self, Certificate};
+use crate::error::{Error, Result};
+use crate::format::atomic::Staged;
+use std::path::{Path, PathBuf};
+
+/// Files ready to be written, and what is known of them.
+#[derive(Debug)]
+pub struct Baked {
+    /// Path within the output folder, and content.
+    pub files: Vec<(PathBuf, Vec<u8>)>,
+    /// Where the certificate goes, within the output folder.
+    pub certificate_path: PathBuf,
+    /// What is known of the files; embedded in them too.
+    pub certificate: Certificate,
+}
+
+impl Baked {
+    /// Writes everything below `folder`, which is created if it is missing; the paths written.
+    ///
+    /// **Errors**: what the system refuses; then nothing new stands under a final name.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        let json = self.certificate.to_pretty_json()?.into_bytes();
+        let mut staged = Staged::default();
+        let mut paths = vec![];
+        let all = self.files.iter().map(|(p, b)| (p, b.as_slice()));
+        for (path, bytes) in all.chain([(&self.certificate_path, json.as_slice())]) {
+            let path = folder.join(path);
+            if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
+                std::fs::create_dir_all(parent).map_err(|e| Error::writing(parent, e))?;
+            }
+            staged.add(&path, bytes)?;
+            paths.push(path);
+        }
+        staged.commit()?;
+        Ok(paths)
+    }
+}
+
+/// A bake that does not pass its own checks is not written.
+fn refuse_failures(certificate: &Certificate) -> Result<()> {
+    let Some(failed) = certificate.checks.iter().find(|c| !c.passed) else { return Ok(()) };
+    Err(Error::invalid(
+        format!(
+            "the bake fails its own check \"{}\" on {}: {:e} where at most {:e} is right, {}",
+            failed.name, failed.subject, failed.figure, failed.limit, failed.detail
+        ),
+        "report this as a bug, with the recipe; nothing was written",
+    ))
+}
+
+/// Digest of texels as a reader sees them: f32, little-endian, in the order of the recipe's channels.
+pub(crate) fn texel_digest<'a>(levels: impl IntoIterator<Item = &'a [f32]>) -> String {
+    let bytes: Vec<Vec<u8>> =
+        levels.into_iter().map(|level| level.iter().flat_map(|v| v.to_le_bytes()).collect()).collect();
+    certificate::digest(bytes.iter().map(Vec::as_slice))
+}

@@ -1,0 +1,231 @@
+//! Certificates: where a file came from, how wrong it may be, and what it was checked against.
+//!
+//! A certificate is JSON, embedded in the file under [`KEY`] and written beside it as `NAME.certificate.json`. Its schema is
+//! versioned: a reader refuses a version that it does not know.
+//!
+//! | field | meaning |
+//! | --- | --- |
+//! | `schema` | [`SCHEMA`] |
+//! | `kiln`, `algorithms` | the version of Kiln and the revision of its algorithms: equal revisions give equal bytes |
+//! | `table` or `environment` | the complete recipe entry, from which the file can be baked again |
+//! | `digest` | BLAKE3 of the packed texels |
+//! | `channels` | per quantity: definition, source, integrator, largest error and what it means, range of the values |
+//! | `levels` | of an environment: per level its size, roughness, samples, largest and RMS error, mean |
+//! | `input` | of an environment: what was read, its digest, what was repaired, its mean radiance |
+//! | `checks` | what the file was checked against: the figure, the limit, whether it passed |
+//! | `packing` | rounding error, overflowed, negative and non-finite values |
+//! | `lookup` | of a table: the error through bilinear filtering |
+
+use crate::check::Check;
+use crate::error::{Error, Result};
+use crate::integrate::ErrorKind;
+use crate::pack::PackReport;
+use crate::recipe::{EnvironmentRecipe, TableRecipe};
+use crate::table::lookup::LookupError;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The schema of the certificates that this Kiln reads and writes.
+pub const SCHEMA: &str = "kiln-certificate/1";
+/// The metadata key under which a certificate is embedded.
+pub const KEY: &str = "kiln.certificate";
+/// Counts the changes to the algorithms that change bytes.
+pub const ALGORITHMS: u32 = 1;
+
+/// All that is known of a baked file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Certificate {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// Version of Kiln.
+    pub kiln: String,
+    /// [`ALGORITHMS`].
+    pub algorithms: u32,
+    /// The recipe of a table.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table: Option<TableRecipe>,
+    /// The recipe of an environment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<EnvironmentRecipe>,
+    /// What was read for an environment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input: Option<Input>,
+    /// The files that the certificate is for, with the digests of their texels.
+    pub files: Vec<FileDigest>,
+    /// A table's channels.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<Channel>,
+    /// An environment's levels, the irradiance cube last.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub levels: Vec<Level>,
+    /// What the bake was checked against.
+    pub checks: Vec<Check>,
+    /// What packing changed.
+    pub packing: PackReport,
+    /// What a shader sees of a table.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lookup: Vec<LookupError>,
+}
+
+/// A file and what it holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileDigest {
+    /// Its name, without folders.
+    pub file: String,
+    /// BLAKE3 of the packed texels, level by level, in hexadecimal.
+    pub digest: String,
+}
+
+/// One channel of a table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Channel {
+    /// The quantity.
+    pub quantity: String,
+    /// Its formula.
+    pub definition: String,
+    /// Where the formula comes from.
+    pub source: String,
+    /// The witness that computed it.
+    pub integrator: String,
+    /// The largest error over the texels, before packing.
+    pub max_error: f64,
+    /// What that error is.
+    pub error_kind: ErrorKind,
+    /// Smallest value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Mean over the texels.
+    pub mean: f64,
+}
+
+/// One level of an environment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Level {
+    /// `specular 0`, `irradiance`.
+    pub name: String,
+    /// Texels along an edge.
+    pub size: usize,
+    /// The artist's roughness; irradiance is the filter at 1.
+    pub roughness: f64,
+    /// The witness that computed it: `area-average`, `monte-carlo` or `quadrature`.
+    pub integrator: String,
+    /// Points per texel; 0 for a deterministic level.
+    pub samples: u64,
+    /// Largest standard error over texels and channels, in parts of max(value, 1e-3 × the channel's mean).
+    pub max_error: f64,
+    /// Root mean square of the same.
+    pub rms_error: f64,
+    /// What these errors are.
+    pub error_kind: ErrorKind,
+    /// Mean over the sphere, texels weighted by their solid angles.
+    pub mean: [f64; 3],
+    /// The same, in parts of the input's mean, minus 1: the largest of the channels.
+    pub mean_drift: f64,
+}
+
+/// The panorama behind an environment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// Texels of a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// BLAKE3 of the radiance that was filtered (f32 RGB, after repairs), in hexadecimal.
+    pub digest: String,
+    /// Mean radiance over the sphere.
+    pub mean: [f64; 3],
+    /// Largest luminance.
+    pub peak: f64,
+    /// NaN and infinities that were turned to zero.
+    pub nonfinite: u64,
+    /// Values below zero that were found.
+    pub negative: u64,
+}
+
+impl Certificate {
+    /// A certificate with nothing in it yet.
+    pub fn new() -> Self {
+        Self {
+            schema: SCHEMA.to_owned(),
+            kiln: env!("CARGO_PKG_VERSION").to_owned(),
+            algorithms: ALGORITHMS,
+            table: None,
+            environment: None,
+            input: None,
+            files: vec![],
+            channels: vec![],
+            levels: vec![],
+            checks: vec![],
+            packing: PackReport::default(),
+            lookup: vec![],
+        }
+    }
+
+    /// Reads a certificate.
+    ///
+    /// **Errors**: not a certificate, or of a schema that this Kiln does not know.
+    pub fn from_json(text: &str) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Versioned {
+            schema: String,
+        }
+        let broken = |e: serde_json::Error| {
+            Error::invalid(format!("a broken certificate: {e}"), "bake the file again; certificates are not edited by hand")
+        };
+        let Versioned { schema } = serde_json::from_str(text).map_err(broken)?;
+        if schema != SCHEMA {
+            return Err(Error::unsupported(
+                format!("a certificate of schema {schema:?}, where {SCHEMA:?} is known"),
+                "use the Kiln that wrote it, or bake the file again",
+            ));
+        }
+        serde_json::from_str(text).map_err(broken)
+    }
+
+    /// As one line, to embed.
+    pub fn to_json(&self) -> Result<String> {
+        serde_json::to_string(self).map_err(unprintable)
+    }
+
+    /// As lines, to read.
+    pub fn to_pretty_json(&self) -> Result<String> {
+        Ok(serde_json::to_string_pretty(self).map_err(unprintable)? + "\n")
+    }
+
+    /// How many checks failed.
+    pub fn failures(&self) -> usize {
+        self.checks.iter().filter(|c| !c.passed).count()
+    }
+}
+
+impl Default for Certificate {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+fn unprintable(e: serde_json::Error) -> Error {
+    Error::unsupported(format!("a certificate that JSON cannot hold: {e}"), "report this as a bug")
+}
+
+/// Where the certificate of a file stands: `dfg.ktx2` → `dfg.ktx2.certificate.json`.
+pub fn beside(file: &Path) -> PathBuf {
+    let mut name = file.file_name().unwrap_or_default().to_owned();
+    name.push(".certificate.json");
+    file.with_file_name(name)
+}
+
+/// BLAKE3 of `bytes`, in hexadecimal.
+pub fn digest<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(part);
+    }
+    hasher.finalize().to_hex().to_string()
+}

@@ -1,0 +1,166 @@
+//! Facts about the values of an environment's cubes.
+
+use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
+use crate::environment::cube::texel_direction;
+use crate::environment::full_sum::FullSum;
+use crate::environment::{DARK_FLOOR, Kernel, Panorama, area_average};
+use crate::model::alpha_of_roughness;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// One cube and what is claimed of it.
+#[derive(Debug, Clone)]
+pub struct CubeLevel {
+    /// `specular 0`, `irradiance`.
+    pub name: String,
+    /// Texels along an edge.
+    pub size: usize,
+    /// The artist's roughness.
+    pub roughness: f64,
+    /// Six faces, rows, texels.
+    pub texels: Vec<[f32; 3]>,
+    /// Largest standard error (or bound, for a deterministic level) in parts of max(value, 1e-3 × the channel's mean).
+    pub max_error: f64,
+}
+
+/// The cubes of an environment.
+#[derive(Debug, Clone, Copy)]
+pub struct EnvironmentValues<'a> {
+    /// All cubes.
+    pub levels: &'a [CubeLevel],
+    /// Spacing of the packed numbers at a value.
+    pub ulp: fn(f64) -> f64,
+    /// The largest number that the texel format holds: brighter values are stored as that.
+    pub largest: f64,
+}
+
+/// A value that is wrong by how much, and by how much it may be.
+struct Deviation {
+    place: String,
+    figure: f64,
+    limit: f64,
+}
+
+impl Deviation {
+    fn ratio(&self) -> f64 {
+        if self.figure.is_nan() { f64::INFINITY } else { self.figure / self.limit.max(f64::MIN_POSITIVE) }
+    }
+}
+
+fn worst(name: &str, subject: &str, deviations: Vec<Deviation>) -> Option<Check> {
+    let count = deviations.len();
+    let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
+    let detail = format!("worst of {count} at {}", worst.place);
+    Some(Check::at_most(name, subject, worst.figure, worst.limit, detail))
+}
+
+/// Where a texel is, for a report.
+fn place(size: usize, texel: usize, channel: usize) -> String {
+    let (face, rest) = (texel / (size * size), texel % (size * size));
+    let (face, channel) = (["+X", "-X", "+Y", "-Y", "+Z", "-Z"][face], ["R", "G", "B"][channel]);
+    format!("face {face}, texel {}, {}, {channel}", rest % size, rest / size)
+}
+
+impl EnvironmentValues<'_> {
+    /// What can be said without the panorama: every value finite, and not negative unless the input was.
+    pub fn facts(&self, may_be_negative: bool) -> Vec<Check> {
+        let mut checks = vec![];
+        for level in self.levels {
+            let values = || level.texels.iter().flatten();
+            let bad = values().filter(|v| !v.is_finite()).count();
+            checks.push(Check::at_most("values that are not finite", &level.name, bad as f64, 0.0, "counted over all texels"));
+            if !may_be_negative {
+                let negative = values().filter(|&&v| v < 0.0).count();
+                let detail = "counted over all texels";
+                checks.push(Check::at_most("values below zero", &level.name, negative as f64, 0.0, detail));
+            }
+        }
+        checks
+    }
+
+    /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
+    /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
+    pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
+        let sum = FullSum::new(panorama);
+        let constant = panorama.min().map(f64::from);
+        let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
+        let mut checks = vec![];
+        for (index, level) in self.levels.iter().enumerate() {
+            if is_constant {
+                let deviations = self.compare(level, panorama, all(level), |_| constant, true);
+                checks.extend(worst("distance from the constant input", &level.name, deviations));
+                continue;
+            }
+            let alpha = alpha_of_roughness(level.roughness);
+            if alpha == 0.0 {
+                let average = area_average(panorama, level.size);
+                let truth = |texel: usize| average.texels[texel].map(f64::from);
+                let deviations = self.compare(level, panorama, all(level), truth, false);
+                checks.extend(worst("exact area average at every texel", &level.name, deviations));
+                continue;
+            }
+            let kernel = Kernel::new(alpha);
+            let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
+            let name = if full { "full sum at every texel".to_owned() } else { format!("full sum at {} texels", texels.len()) };
+            let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
+            checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
+        }
+        checks
+    }
+
+    fn compare(
+        &self,
+        level: &CubeLevel,
+        panorama: &Panorama,
+        texels: Vec<usize>,
+        truth: impl Fn(usize) -> [f64; 3] + Sync,
+        exactly: bool,
+    ) -> Vec<Deviation> {
+        let mean = panorama.mean();
+        texels
+            .into_par_iter()
+            .flat_map_iter(|texel| {
+                let wanted = truth(texel);
+                (0..3).map(move |c| {
+                    let wanted = wanted[c].clamp(-self.largest, self.largest);
+                    let scale = wanted.abs().max(DARK_FLOOR * mean[c].abs());
+                    let rounding = 0.5 * (self.ulp)(wanted.abs() * (1.0 + 1e-3)); // the ulp of the larger neighbour
+                    let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
+                    let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
+                    Deviation { place: place(level.size, texel, c), figure, limit }
+                })
+            })
+            .collect()
+    }
+}
+
+fn all(level: &CubeLevel) -> Vec<usize> {
+    (0..level.texels.len()).collect()
+}
+
+/// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
+/// it, opposite to it, and in the corners of the faces.
+fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
+    let n = level.texels.len();
+    let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
+    let (column, row, _) = panorama.peak();
+    let texel = panorama.texel_box(column, row);
+    let (phi, y) = (0.5 * (texel.phi[0] + texel.phi[1]), 0.5 * (texel.y[0] + texel.y[1]));
+    let r = ((1.0 - y) * (1.0 + y)).max(0.0).sqrt(); // y is within [−1, 1] up to one rounding
+    let sun = DVec3::new(r * phi.cos(), y, r * phi.sin());
+    let (side, up) = sun.any_orthonormal_pair();
+    let ring = (0..8).map(|i| {
+        let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
+        side * cos + up * sin
+    });
+    let beside = [0.03, 0.1, 0.3].into_iter().flat_map(|angle: f64| {
+        [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin())
+    });
+    let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
+    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, d)));
+    let last = level.size * level.size - 1;
+    texels.extend((0..6).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
+    texels.sort_unstable();
+    texels.dedup();
+    texels
+}

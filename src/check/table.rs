@@ -1,0 +1,210 @@
+//! Facts about the values of a table.
+
+use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
+use crate::error::Result;
+use crate::integrate::{ErrorKind, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
+use crate::table::{Parameter, TableSpec};
+use rayon::prelude::*;
+
+/// Which of a table's values are looked at, and what they may be off by.
+#[derive(Debug, Clone, Copy)]
+pub struct TableValues<'a> {
+    /// What the table claims to hold.
+    pub spec: &'a TableSpec,
+    /// The values, channel fastest.
+    pub values: &'a [f64],
+    /// The largest error of each channel as claimed, before packing: a bound, or a standard error.
+    pub errors: &'a [f64],
+    /// What these errors are.
+    pub kind: ErrorKind,
+    /// Spacing of the packed numbers at a value; 0 for values that were not packed.
+    pub ulp: fn(f64) -> f64,
+}
+
+impl TableValues<'_> {
+    /// How far `value` of `channel` may be from the truth: its integration error and half a unit of the last place.
+    fn tolerance(&self, channel: usize, value: f64) -> f64 {
+        let integration = match self.kind {
+            ErrorKind::Bound => self.errors[channel],
+            ErrorKind::Sigma => SIGMAS * self.errors[channel],
+        };
+        // An ulp at the wanted value may be that of the next binade below: take the larger neighbour.
+        integration + 0.5 * (self.ulp)(value * (1.0 + 1e-3))
+    }
+
+    fn channel(&self, channel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.values.iter().copied().skip(channel).step_by(self.spec.channels.len()).enumerate()
+    }
+
+    /// The parameters of a texel, for a report: `mu 0.12, roughness 0.5 (texel 7, 32)`.
+    fn place(&self, texel: usize) -> String {
+        let mut rest = texel;
+        let (mut parameters, mut indices) = (vec![], vec![]);
+        for axis in &self.spec.axes {
+            parameters.push(format!("{} {:.4}", axis.parameter, axis.value(rest % axis.size)));
+            indices.push((rest % axis.size).to_string());
+            rest /= axis.size;
+        }
+        format!("{} (texel {})", parameters.join(", "), indices.join(", "))
+    }
+
+    /// The check of one kind of deviation over many texels: figure and limit are those of the worst, in parts of its tolerance.
+    fn worst(&self, name: &str, channel: usize, deviations: impl Iterator<Item = (usize, f64, f64)>) -> Option<Check> {
+        let (mut worst, mut count) = (None::<(f64, usize, f64, f64)>, 0);
+        for (texel, deviation, tolerance) in deviations {
+            count += 1;
+            let ratio = if deviation.is_nan() { f64::INFINITY } else { deviation.abs() / tolerance };
+            if worst.is_none_or(|(r, ..)| ratio > r) {
+                worst = Some((ratio, texel, deviation.abs(), tolerance));
+            }
+        }
+        let (_, texel, figure, limit) = worst?;
+        let detail = format!("worst of {count} at {}", self.place(texel));
+        Some(Check::at_most(name, self.spec.channels[channel].quantity.name, figure, limit, detail))
+    }
+
+    /// Every fact that is known of the quantities: bounds, closed forms, limits, sums.
+    pub fn facts(&self) -> Vec<Check> {
+        let mut checks = vec![];
+        for (c, handle) in self.spec.channels.iter().enumerate() {
+            let bad = self.channel(c).filter(|(_, v)| !v.is_finite()).count();
+            let name = handle.quantity.name;
+            checks.push(Check::at_most("values that are not finite", name, bad as f64, 0.0, "counted over all texels"));
+            let (low, high) = handle.quantity.bounds;
+            let outside = self.channel(c).map(|(texel, v)| {
+                let excess = if v.is_nan() { v } else { (low - v).max(v - high).max(0.0) };
+                (texel, excess, self.tolerance(c, v))
+            });
+            checks.extend(self.worst("distance outside the quantity's bounds", c, outside));
+            checks.extend(self.identities(c));
+        }
+        checks.extend(self.scale_plus_bias());
+        checks.extend(self.closure());
+        checks
+    }
+
+    /// Closed forms and limits, at the texels where the quantity has them.
+    fn identities(&self, channel: usize) -> Vec<Check> {
+        let handle = self.spec.channels[channel];
+        let mut known: Vec<(&'static str, Vec<(usize, f64, f64)>)> = vec![];
+        for (texel, value) in self.channel(channel) {
+            for identity in handle.family.identities(&self.spec.point(texel), &self.spec.model) {
+                if identity.quantity != handle.index {
+                    continue;
+                }
+                let row = (texel, value - identity.value, identity.slack + self.tolerance(channel, identity.value));
+                match known.iter_mut().find(|(fact, _)| *fact == identity.fact) {
+                    Some((_, rows)) => rows.push(row),
+                    None => known.push((identity.fact, vec![row])),
+                }
+            }
+        }
+        known.into_iter().filter_map(|(fact, rows)| self.worst(fact, channel, rows.into_iter())).collect()
+    }
+
+    fn find(&self, name: &str) -> Option<usize> {
+        self.spec.channels.iter().position(|c| c.quantity.name == name)
+    }
+
+    /// scale + bias = E, whose azimuth integral is closed form: another road to the same number.
+    fn scale_plus_bias(&self) -> Option<Check> {
+        let (scale, bias) = (self.find("ggx.scale")?, self.find("ggx.bias")?);
+        let n = self.spec.channels.len();
+        let deviations: Vec<_> = self
+            .values
+            .par_chunks(n)
+            .enumerate()
+            .map(|(texel, values)| {
+                let at = self.spec.point(texel);
+                let (mu, alpha) = (at.get(Parameter::Mu).unwrap_or(1.0), at.get(Parameter::Alpha).unwrap_or(0.0));
+                let e = if alpha == 0.0 {
+                    1.0
+                } else {
+                    quadrature::ggx_albedo(mu, alpha, self.spec.model.smith, QUADRATURE_TOLERANCE).value
+                };
+                let tolerance = self.tolerance(scale, values[scale]) + self.tolerance(bias, values[bias]);
+                (texel, values[scale] + values[bias] - e, tolerance + QUADRATURE_TOLERANCE)
+            })
+            .collect();
+        self.worst("scale + bias = E", scale, deviations.into_iter())
+    }
+
+    /// Kulla and Conty's closure: E(μ) + ∫ f_ms cosθ_i dω_i = 1 exactly when 2 ∫ E(μ) μ dμ over the row is the E_avg that
+    /// the lobe is built with. The row is integrated by the trapezoidal rule over its texels; what that rule makes of the exact
+    /// E is taken off, so that what is left is the texels' fault.
+    fn closure(&self) -> Option<Check> {
+        let channel = self.find("ggx.albedo")?;
+        let [first, second] = self.spec.axes[..] else { return None };
+        let (mu_axis, mu_first) = if first.parameter == Parameter::Mu { (first, true) } else { (second, false) };
+        let other = if mu_first { second } else { first };
+        let mut order: Vec<(f64, usize)> = (0..mu_axis.size).map(|i| (mu_axis.value(i), i)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let n = self.spec.channels.len();
+        let rows: Vec<_> = (0..other.size)
+            .into_par_iter()
+            .map(|j| {
+                let texel = |i: usize| if mu_first { j * mu_axis.size + i } else { i * other.size + j };
+                let (mut sum, mut tolerance) = (0.0, 0.0);
+                for pair in order.windows(2) {
+                    for (mu, i) in pair {
+                        let at = self.spec.point(texel(*i));
+                        let alpha = at.get(Parameter::Alpha).unwrap_or(0.0);
+                        let exact = if alpha == 0.0 {
+                            1.0
+                        } else {
+                            quadrature::ggx_albedo(*mu, alpha, self.spec.model.smith, 1e-9).value
+                        };
+                        let value = self.values[texel(*i) * n + channel];
+                        let weight = mu * (pair[1].0 - pair[0].0);
+                        sum += weight * (value - exact);
+                        tolerance += weight * (self.tolerance(channel, exact) + 1e-9);
+                    }
+                }
+                (texel(0), sum, tolerance)
+            })
+            .collect();
+        self.worst("Kulla–Conty closure E + ∫ f_ms cos = 1", channel, rows.into_iter())
+    }
+
+    /// The deterministic witness at every texel.
+    ///
+    /// **Errors**: those of the integrator.
+    pub fn every_texel(&self) -> Result<Vec<Check>> {
+        let truth = Integration::new(Settings { integrator: Integrator::Quadrature, ..Settings::default() })?;
+        self.compare("quadrature at every texel", &truth, &(0..self.spec.len()).collect::<Vec<_>>())
+    }
+
+    /// The random witness, at texels of its own choosing or at all.
+    ///
+    /// **Errors**: those of the integrator.
+    pub fn random_witness(&self, seed: u64, full: bool) -> Result<Vec<Check>> {
+        // Another seed than the bake's: points that were used once prove nothing.
+        let seed = seed ^ 0xA5A5_5A5A_C3C3_3C3C;
+        let settings = Settings { integrator: Integrator::MonteCarlo, seed, ..Settings::default() };
+        let n = self.spec.len();
+        let texels: Vec<usize> = if full {
+            (0..n).collect()
+        } else {
+            weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect()
+        };
+        let name =
+            if full { "Monte Carlo at every texel".to_owned() } else { format!("Monte Carlo at {WITNESS_POINTS} texels") };
+        self.compare(&name, &Integration::new(settings)?, &texels)
+    }
+
+    fn compare(&self, name: &str, witness: &Integration, texels: &[usize]) -> Result<Vec<Check>> {
+        let (n, evaluator) = (self.spec.channels.len(), self.spec.evaluator());
+        let rows: Vec<Vec<(f64, f64)>> = texels
+            .par_iter()
+            .map(|&texel| {
+                let estimates = evaluator.at(&self.spec.point(texel), witness)?;
+                let row = estimates.iter().enumerate().map(|(c, e)| {
+                    (self.values[texel * n + c] - e.value, self.tolerance(c, e.value) + e.half_width(SIGMAS))
+                });
+                Ok(row.collect())
+            })
+            .collect::<Result<_>>()?;
+        let of = |c: usize| texels.iter().zip(&rows).map(move |(&t, row)| (t, row[c].0, row[c].1));
+        Ok((0..n).filter_map(|c| self.worst(name, c, of(c))).collect())
+    }
+}

@@ -1,0 +1,69 @@
+//! Arguments that several verbs share.
+
+use clap::{Args, ValueEnum};
+use kiln::integrate::{Integrator, Settings};
+use kiln::model::ggx::Smith;
+
+/// `--integrator`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum IntegratorName {
+    /// Whichever reaches the tolerance sooner
+    Auto,
+    /// Deterministic; errors are bounds
+    Quadrature,
+    /// Random; errors are standard errors
+    MonteCarlo,
+}
+
+/// `--smith`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum SmithName {
+    /// Height-correlated masking and shadowing
+    Correlated,
+    /// Masking times shadowing
+    Separable,
+}
+
+impl From<SmithName> for Smith {
+    fn from(name: SmithName) -> Self {
+        match name {
+            SmithName::Correlated => Self::Correlated,
+            SmithName::Separable => Self::Separable,
+        }
+    }
+}
+
+/// How to integrate.
+#[derive(Debug, Clone, Default, Args)]
+pub struct IntegrationArgs {
+    /// Which witness computes [default: auto]
+    #[arg(long, value_enum)]
+    pub integrator: Option<IntegratorName>,
+    /// Largest acceptable error [default: 1e-7 by quadrature; one standard error of 1e-4 by Monte Carlo]
+    #[arg(long, value_name = "ERROR")]
+    pub tolerance: Option<f64>,
+    /// Points per value, by Monte Carlo, instead of a tolerance
+    #[arg(long, value_name = "N", conflicts_with = "tolerance")]
+    pub samples: Option<u64>,
+    /// Seed of the random points [default: 0]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+}
+
+impl IntegrationArgs {
+    /// The settings, where flags beat what was there.
+    pub fn over(&self, settings: Settings) -> Settings {
+        let integrator = match self.integrator {
+            None => settings.integrator,
+            Some(IntegratorName::Auto) => Integrator::Auto,
+            Some(IntegratorName::Quadrature) => Integrator::Quadrature,
+            Some(IntegratorName::MonteCarlo) => Integrator::MonteCarlo,
+        };
+        // Samples and a tolerance exclude each other: the flag that is given drops the other one of the recipe.
+        let (tolerance, samples) = match (self.tolerance, self.samples) {
+            (None, None) => (settings.tolerance, settings.samples),
+            flags => flags,
+        };
+        Settings { integrator, tolerance, samples, seed: self.seed.unwrap_or(settings.seed) }
+    }
+}

@@ -1,0 +1,60 @@
+//! `kiln bake`: everything that a recipe lists.
+
+use super::arguments::IntegrationArgs;
+use super::console::Console;
+use super::env::bake_environment;
+use super::table::bake_table;
+use clap::Args;
+use kiln::recipe::{BUILT_IN, Recipe};
+use kiln::{Error, Result};
+use std::path::PathBuf;
+
+/// Bake all tables and environments of a recipe; without one, the built-in recipe
+#[derive(Debug, Args)]
+#[command(after_help = "Without a recipe: the DFG, the energy tables, and a sky's environment. \
+                        `kiln bake --print-recipe > mine.toml` is where to start an own one.")]
+pub struct Bake {
+    /// What to bake [default: the built-in recipe]
+    recipe: Option<PathBuf>,
+    /// Folder to write to; created if it is missing
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    /// Print the recipe, complete, instead of baking it
+    #[arg(long)]
+    print_recipe: bool,
+    #[command(flatten)]
+    integration: IntegrationArgs,
+}
+
+impl Bake {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let mut recipe = match &self.recipe {
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|e| Error::reading(path, e))?;
+                Recipe::from_toml(&text).map_err(|e| e.in_file(path))?
+            }
+            None => Recipe::built_in()?,
+        };
+        for table in &mut recipe.tables {
+            table.integration = self.integration.over(table.integration);
+            table.integration.check()?;
+        }
+        for environment in &mut recipe.environments {
+            environment.integration = self.integration.over(environment.integration);
+            environment.check()?;
+        }
+        if self.print_recipe {
+            // The built-in one as it stands, with its comments, unless a flag changed it.
+            let unchanged = self.recipe.is_none() && recipe == Recipe::built_in()?;
+            return console.print(&if unchanged { BUILT_IN.to_owned() } else { recipe.to_toml()? });
+        }
+        let mut certificates = vec![];
+        for table in &recipe.tables {
+            certificates.push(bake_table(table, &self.out, console)?);
+        }
+        for environment in &recipe.environments {
+            certificates.push(bake_environment(environment, &self.out, console)?);
+        }
+        if console.json { console.print_json(&certificates) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,205 @@
+//! `kiln info`: what a file is.
+
+use super::console::{Console, columns, printable};
+use clap::Args;
+use kiln::certificate::{self, Certificate};
+use kiln::environment::{Negatives, NonFinite, Panorama, luminance};
+use kiln::format::{FileKind, Image, decode_image, exr, ktx2};
+use kiln::{Error, Result};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Say what a file is: size, format, values, and where it came from
+#[derive(Debug, Args)]
+pub struct Info {
+    /// An .exr, .hdr or .ktx2
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+}
+
+/// What is known of a file.
+#[derive(Serialize)]
+struct Facts {
+    file: PathBuf,
+    kind: String,
+    width: usize,
+    height: usize,
+    faces: usize,
+    levels: usize,
+    channels: Vec<Range>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    panorama: Option<PanoramaFacts>,
+    metadata: Vec<(String, String)>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    certificate: Option<Certificate>,
+}
+
+/// Values of one channel of level 0.
+#[derive(Serialize)]
+struct Range {
+    channel: String,
+    min: f64,
+    max: f64,
+    mean: f64,
+    nonfinite: u64,
+    negative: u64,
+}
+
+/// What a lighting artist asks of a panorama.
+#[derive(Serialize)]
+struct PanoramaFacts {
+    mean_luminance: f64,
+    peak_luminance: f64,
+    dynamic_range_ev: f64,
+    peak_direction: [f64; 3],
+}
+
+impl Info {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let facts: Vec<Facts> = self.files.iter().map(|f| facts(f).map_err(|e| e.in_file(f))).collect::<Result<_>>()?;
+        if console.json {
+            return console.print_json(&facts);
+        }
+        for facts in &facts {
+            console.print(&text(facts))?;
+        }
+        Ok(())
+    }
+}
+
+fn facts(path: &Path) -> Result<Facts> {
+    let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+    let mut facts = match FileKind::of(&bytes) {
+        FileKind::Ktx2 => of_texture(path, ktx2::decode(&bytes)?),
+        FileKind::Exr => of_image(path, "OpenEXR", exr::decode(&bytes)?),
+        // Everything else that can be read is a Radiance HDR; the reader says so if it is neither.
+        _ => of_image(path, "Radiance HDR", decode_image(&bytes)?),
+    };
+    let text = facts.metadata.iter().position(|(key, _)| key == certificate::KEY).map(|i| facts.metadata.remove(i).1);
+    facts.certificate = text.map(|t| Certificate::from_json(&t)).transpose()?;
+    Ok(facts)
+}
+
+fn of_image(path: &Path, kind: &str, image: Image) -> Facts {
+    let n = image.channels.len();
+    let channels = ranges(&image.channels, &image.texels, n);
+    Facts {
+        file: path.to_owned(),
+        kind: kind.to_owned(),
+        width: image.width,
+        height: image.height,
+        faces: 1,
+        levels: 1,
+        channels,
+        // Only what can be a panorama has these facts; a table has not.
+        panorama: Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).ok().map(|(p, _)| of_panorama(&p)),
+        metadata: image.metadata,
+        certificate: None,
+    }
+}
+
+fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
+    let (column, row, peak) = panorama.peak();
+    let texel = panorama.texel_box(column, row);
+    let (phi, y) = (0.5 * (texel.phi[0] + texel.phi[1]), 0.5 * (texel.y[0] + texel.y[1]));
+    let r = ((1.0 - y) * (1.0 + y)).max(0.0).sqrt(); // y is within [−1, 1] up to one rounding
+    let darkest =
+        panorama.texels().iter().map(|t| luminance(t.map(f64::from))).filter(|&l| l > 0.0).fold(f64::INFINITY, f64::min);
+    PanoramaFacts {
+        mean_luminance: luminance(panorama.mean()),
+        peak_luminance: peak,
+        dynamic_range_ev: (peak / darkest).log2(),
+        peak_direction: [r * phi.cos(), y, r * phi.sin()],
+    }
+}
+
+fn of_texture(path: &Path, texture: ktx2::Texture) -> Facts {
+    let n = texture.format.channels;
+    let names: Vec<String> = ["R", "G", "B", "A"][..n].iter().map(|&s| s.to_owned()).collect();
+    let values: Vec<f32> = (0..texture.faces).filter_map(|face| texture.face(0, face)).flatten().collect();
+    Facts {
+        file: path.to_owned(),
+        kind: format!("KTX2 {}", texture.format),
+        width: texture.width,
+        height: texture.height,
+        faces: texture.faces,
+        levels: texture.levels.len(),
+        channels: ranges(&names, &values, n),
+        panorama: None,
+        metadata: texture.metadata,
+        certificate: None,
+    }
+}
+
+fn ranges(names: &[String], values: &[f32], n: usize) -> Vec<Range> {
+    let row = |(c, name): (usize, &String)| {
+        let all = || values.iter().skip(c).step_by(n).map(|&v| f64::from(v));
+        let finite = || all().filter(|v| v.is_finite());
+        Range {
+            channel: name.clone(),
+            min: finite().fold(f64::INFINITY, f64::min),
+            max: finite().fold(f64::NEG_INFINITY, f64::max),
+            mean: finite().sum::<f64>() / finite().count().max(1) as f64,
+            nonfinite: all().filter(|v| !v.is_finite()).count() as u64,
+            negative: finite().filter(|&v| v < 0.0).count() as u64,
+        }
+    };
+    names.iter().enumerate().map(row).collect()
+}
+
+fn text(facts: &Facts) -> String {
+    let mut text = format!("{}: {}, {} × {}", facts.file.display(), facts.kind, facts.width, facts.height);
+    if facts.faces > 1 {
+        text += &format!(", {} faces", facts.faces);
+    }
+    if facts.levels > 1 {
+        text += &format!(", {} levels", facts.levels);
+    }
+    text += "\n";
+    let cells: Vec<Vec<String>> = facts
+        .channels
+        .iter()
+        .map(|r| {
+            let number = |v: f64| format!("{v:.6}");
+            let counts = [r.nonfinite, r.negative].map(|n| n.to_string());
+            [vec![r.channel.clone()], [r.min, r.max, r.mean].map(number).to_vec(), counts.to_vec()].concat()
+        })
+        .collect();
+    text += &columns(&["channel", "min", "max", "mean", "not finite", "negative"], &cells);
+    if let Some(p) = &facts.panorama {
+        let [x, y, z] = p.peak_direction;
+        text += &format!(
+            "luminance: mean {:.6}, peak {:.6} towards ({x:.3}, {y:.3}, {z:.3}), range {:.1} EV\n",
+            p.mean_luminance, p.peak_luminance, p.dynamic_range_ev
+        );
+    }
+    for (key, value) in &facts.metadata {
+        text += &format!("{key}: {value}\n");
+    }
+    match &facts.certificate {
+        Some(c) => {
+            text += &format!("certificate: Kiln {}, {} checks, {} failed\n", c.kiln, c.checks.len(), c.failures());
+            for channel in &c.channels {
+                text += &format!(
+                    "  {} = {}, ±{:.1e} ({}, {})\n",
+                    channel.quantity,
+                    channel.definition,
+                    channel.max_error,
+                    channel.integrator,
+                    channel.error_kind.name()
+                );
+            }
+            for lookup in &c.lookup {
+                text += &format!("  {} through bilinear filtering: ±{:.1e}, RMS {:.1e}\n", lookup.channel, lookup.max, lookup.rms);
+            }
+            for level in &c.levels {
+                text += &format!(
+                    "  {} {}², roughness {}: RMS error {:.1e} ({})\n",
+                    level.name, level.size, level.roughness, level.rms_error, level.integrator
+                );
+            }
+        }
+        None => text += "no certificate\n",
+    }
+    printable(&(text + "\n"))
+}

@@ -1,0 +1,173 @@
+//! `kiln table`: one table.
+
+use super::arguments::{IntegrationArgs, SmithName};
+use super::console::Console;
+use clap::Args;
+use kiln::certificate::Certificate;
+use kiln::format::FormatSpec;
+use kiln::pack::{Number, TexelFormat};
+use kiln::recipe::TableRecipe;
+use kiln::table::{Axis, named};
+use kiln::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Bake one table
+#[derive(Debug, Args)]
+#[command(after_help = "Axes: PARAMETER[:SIZE][:linear|sqrt|cbrt|square][:centre|edge][:flip], x first, such as\n  \
+                        --axes mu:64:sqrt:edge,roughness:32:flip\n\
+                        x is mu, y is roughness, row 0 the smallest, texel centres, unless axes say otherwise.")]
+pub struct Table {
+    /// Which table: see `kiln list tables`
+    name: String,
+    /// File to write
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Texels along the axes, such as 64x64
+    #[arg(long, value_name = "WxH")]
+    size: Option<String>,
+    /// Container and number format, such as exr:f32, ktx2:rg16f [default: by the file's extension]
+    #[arg(long)]
+    format: Option<FormatSpec>,
+    /// Axes, x first
+    #[arg(long, value_name = "AXIS", value_delimiter = ',')]
+    axes: Vec<Axis>,
+    /// Quantities, one per channel, instead of the table's own: see `kiln list quantities`
+    #[arg(long, value_name = "QUANTITY", value_delimiter = ',')]
+    channels: Vec<String>,
+    /// Masking and shadowing
+    #[arg(long, value_enum, default_value = "correlated")]
+    smith: SmithName,
+    #[command(flatten)]
+    integration: IntegrationArgs,
+}
+
+impl Table {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let (recipe, folder) = self.recipe()?;
+        let certificate = bake_table(&recipe, &folder, console)?;
+        if console.json { console.print_json(&certificate) } else { Ok(()) }
+    }
+
+    fn recipe(&self) -> Result<(TableRecipe, PathBuf)> {
+        let n_channels = match self.channels.len() {
+            0 => named::find(&self.name)?.channels.len(),
+            n => n,
+        };
+        let format = self.format(n_channels)?;
+        let mut recipe = TableRecipe::named(&self.name, format)?;
+        if !self.channels.is_empty() {
+            recipe.channels.clone_from(&self.channels);
+        }
+        recipe.axes = self.axes(&recipe.axes)?;
+        recipe.model.smith = self.smith.into();
+        recipe.integration = self.integration.over(recipe.integration);
+        let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
+            Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")
+        })?;
+        name.clone_into(&mut recipe.file);
+        let folder = self.output.parent().map(Path::to_owned).unwrap_or_default();
+        Ok((recipe, folder))
+    }
+
+    fn format(&self, n_channels: usize) -> Result<FormatSpec> {
+        let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        if let Some(format) = self.format {
+            if ["exr", "ktx2"].contains(&extension.as_str()) && extension != format.extension() {
+                return Err(Error::usage(
+                    format!("{} is not a file of format {format}", self.output.display()),
+                    format!("call it something.{}, or leave --format out", format.extension()),
+                ));
+            }
+            return Ok(format);
+        }
+        match extension.as_str() {
+            "exr" => Ok(FormatSpec::Exr(Number::F32)),
+            "ktx2" => {
+                let channels = match n_channels {
+                    3 => 4,
+                    n => n,
+                };
+                Ok(FormatSpec::Ktx2(TexelFormat::new(channels, Number::F16)?))
+            }
+            _ => Err(Error::usage(
+                format!("{} does not say which format it is to have", self.output.display()),
+                "give --format, such as exr:f32 or ktx2:rg16f",
+            )),
+        }
+    }
+
+    /// The table's own axes, or the given ones; sizes by `--size`, else by the axis, else the table's own.
+    fn axes(&self, own: &[Axis]) -> Result<Vec<Axis>> {
+        let mut axes = if self.axes.is_empty() { own.to_vec() } else { self.axes.clone() };
+        if let Some(text) = &self.size {
+            if self.axes.iter().any(|a| a.size != 0) {
+                return Err(Error::usage("sizes are given both by --size and by --axes", "give them once"));
+            }
+            let sizes = parse_size(text)?;
+            let sizes = if sizes.len() == 1 { vec![sizes[0]; axes.len()] } else { sizes };
+            if sizes.len() != axes.len() {
+                return Err(Error::usage(
+                    format!("size {text} is for {} axes, and the table has {}", sizes.len(), axes.len()),
+                    format!("use --size {}", vec!["64"; axes.len()].join("x")),
+                ));
+            }
+            for (axis, size) in axes.iter_mut().zip(sizes) {
+                axis.size = size;
+            }
+        } else if !self.axes.is_empty() {
+            for axis in &mut axes {
+                if axis.size == 0 {
+                    let same = own.iter().find(|a| a.parameter.canonical() == axis.parameter.canonical());
+                    axis.size = same.map_or(64, |a| a.size);
+                }
+            }
+        }
+        Ok(axes)
+    }
+}
+
+/// `64x32` → 64, 32.
+fn parse_size(text: &str) -> Result<Vec<usize>> {
+    text.split(['x', 'X', '×'])
+        .map(|part| {
+            part.trim().parse().map_err(|_| {
+                Error::usage(format!("size {text:?} is not of whole numbers"), "write it like --size 64x64")
+            })
+        })
+        .collect()
+}
+
+/// Bakes a table below `folder`, and says what became of it.
+pub fn bake_table(recipe: &TableRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+    let spec = recipe.spec()?;
+    spec.check()?;
+    let bar = console.progress(spec.len() as u64, &recipe.file);
+    let baked = kiln::bake::table(recipe, &|n| bar.inc(n));
+    bar.finish_and_clear();
+    let baked = baked?;
+    let paths = baked.write(folder)?;
+    report(console, &baked.certificate, &paths);
+    Ok(baked.certificate)
+}
+
+/// Says what was written and how wrong it may be.
+fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
+    let Some(path) = paths.first() else { return };
+    let errors: Vec<String> = certificate
+        .channels
+        .iter()
+        .map(|c| format!("{} ±{:.0e} ({}, {})", c.quantity, c.max_error, c.integrator, c.error_kind.name()))
+        .collect();
+    console.note(&format!("{}: {}; {} checks passed", path.display(), errors.join(", "), certificate.checks.len()));
+    warn_of_packing(console, &path.display().to_string(), &certificate.packing);
+}
+
+/// Says what packing had to change.
+pub fn warn_of_packing(console: &Console, what: &str, packing: &kiln::pack::PackReport) {
+    if packing.overflowed > 0 {
+        console.warn(&format!(
+            "{what}: {} values beyond the largest half float, 65504, were clamped to it; use an f32 format to keep them",
+            packing.overflowed
+        ));
+    }
+}

@@ -1,0 +1,284 @@
+//! Reading OpenEXR; what is read and what refused stands at the head of the parent module.
+
+use super::contain::contained;
+use super::to_native;
+use crate::error::{Error, Result};
+use crate::format::Image;
+use crate::pack::Number;
+use ::exr::block::UncompressedBlock;
+use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType};
+use ::exr::meta::header::{Header, standard_names};
+use ::exr::prelude::Compression;
+use rayon::prelude::*;
+use std::collections::HashSet;
+use std::io::Cursor;
+
+const DAMAGED: &str = "the file is damaged; copy or download it again";
+
+/// Blocks decompressed at once: enough to keep every thread busy, few enough that a table of contents which names one block
+/// a million times does not fill the memory.
+const BLOCKS_AT_ONCE: usize = 64;
+
+/// The picture in `bytes`: the first part's display window, its channels sorted by name as the format has them.
+///
+/// **Errors**: see the head of the parent module; also truncated or contradictory data.
+pub fn decode(bytes: &[u8]) -> Result<Image> {
+    contained(|| decode_uncontained(bytes)).unwrap_or_else(|| Err(panicked()))
+}
+
+fn decode_uncontained(bytes: &[u8]) -> Result<Image> {
+    let reader = ::exr::block::read(Cursor::new(bytes), false).map_err(translate)?;
+    let header = reader.headers().first().ok_or_else(|| Error::invalid("an OpenEXR without a part", DAMAGED))?.clone();
+    check_size(reader.headers(), bytes.len())?;
+    let numbers = check_channels(&header)?;
+    let view = View::of(&header)?;
+
+    let meta_data = reader.meta_data().clone();
+    let mut chunks = reader
+        .filter_chunks(false, |_, _, block| block.layer == 0 && block.level.x() == 0 && block.level.y() == 0)
+        .map_err(translate)?;
+    let n_blocks = chunks.len();
+    let mut seen = HashSet::new();
+    let mut texels = vec![0.0; view.width * view.height * numbers.len()];
+    loop {
+        let batch: Vec<Chunk> =
+            chunks.by_ref().take(BLOCKS_AT_ONCE).collect::<::exr::error::Result<_>>().map_err(translate)?;
+        if batch.is_empty() {
+            break;
+        }
+        let blocks: Vec<UncompressedBlock> =
+            batch.into_par_iter().map(|chunk| decompress(chunk, &meta_data)).collect::<Result<_>>()?;
+        for block in &blocks {
+            seen.insert((block.index.pixel_position.x(), block.index.pixel_position.y()));
+            view.place(block, &numbers, &mut texels);
+        }
+    }
+    if seen.len() != n_blocks {
+        let missing = n_blocks - seen.len();
+        return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
+    }
+    Ok(Image {
+        width: view.width,
+        height: view.height,
+        channels: header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect(),
+        texels,
+        metadata: metadata(&header),
+    })
+}
+
+/// Refuses sizes that `n_bytes` cannot hold, so that what is allocated for them stays in proportion to the file.
+fn check_size(headers: &[Header], n_bytes: usize) -> Result<()> {
+    let n_blocks = headers.iter().fold(0_usize, |sum, header| sum.saturating_add(header.chunk_count));
+    let [width, height] = [headers[0].layer_size.x(), headers[0].layer_size.y()];
+    let size = (width as u128) * (height as u128) * (headers[0].channels.bytes_per_pixel as u128);
+    let most = (n_bytes as u128) * max_ratio(headers[0].compression);
+    // Every block takes eight bytes of the table of contents alone.
+    if n_blocks > n_bytes / 8 || size > most {
+        return Err(Error::invalid(
+            format!("{width} × {height} texels in an OpenEXR of {n_bytes} bytes, which cannot hold them"),
+            DAMAGED,
+        ));
+    }
+    if size == 0 {
+        return Err(Error::invalid(format!("an OpenEXR of {width} × {height} texels, without content"), DAMAGED));
+    }
+    Ok(())
+}
+
+/// No honest file of this compression shrinks further.
+fn max_ratio(compression: Compression) -> u128 {
+    /// The most that deflate can do.
+    const DEFLATE: u128 = 1032;
+    match compression {
+        Compression::Uncompressed => 1,
+        Compression::RLE => 64,                     // 128 equal bytes in two
+        Compression::B44 | Compression::B44A => 16, // at best 4 × 4 halves in three bytes
+        Compression::ZIP1 | Compression::ZIP16 | Compression::PIZ => DEFLATE,
+        Compression::PXR24 => 2 * DEFLATE, // drops a byte of four before
+        _ => 64 * DEFLATE,                 // DWA keeps one coefficient of a block of 8 × 8, then deflates
+    }
+}
+
+/// How each channel is stored.
+fn check_channels(header: &Header) -> Result<Vec<Number>> {
+    let number = |channel: &::exr::meta::attribute::ChannelDescription| {
+        let name = string(channel.name.as_slice());
+        if channel.sampling.x() != 1 || channel.sampling.y() != 1 {
+            return Err(Error::unsupported(
+                format!("channel `{name}` of the OpenEXR is subsampled (luminance and chroma)"),
+                "save the picture with full-size channels R, G and B",
+            ));
+        }
+        match channel.sample_type {
+            SampleType::F16 => Ok(Number::F16),
+            SampleType::F32 => Ok(Number::F32),
+            SampleType::U32 => Err(Error::unsupported(
+                format!("channel `{name}` of the OpenEXR holds u32 integers, where f16 or f32 is wanted"),
+                "save the picture without that channel, or as half or float",
+            )),
+        }
+    };
+    header.channels.list.iter().map(number).collect()
+}
+
+fn decompress(chunk: Chunk, meta_data: &MetaData) -> Result<UncompressedBlock> {
+    check_dwa_counters(&chunk, &meta_data.headers[0])?;
+    // Contained again, because this runs on other threads, which would print the panic.
+    let block = contained(|| UncompressedBlock::decompress_chunk(chunk, meta_data, false));
+    let block = block.ok_or_else(panicked)?.map_err(translate)?;
+    let [width, lines] = [block.index.pixel_size.x(), block.index.pixel_size.y()];
+    let wanted = width * lines * meta_data.headers[0].channels.bytes_per_pixel;
+    if block.data.len() != wanted {
+        return Err(Error::invalid(
+            format!("a block of the OpenEXR with {} bytes, where {wanted} are wanted", block.data.len()),
+            DAMAGED,
+        ));
+    }
+    Ok(block)
+}
+
+/// Refuses blocks of DWA compression whose counters are beyond what the block can hold: the crate allocates what they say,
+/// be it a terabyte, and failing at that cannot be contained.
+///
+/// Such a block begins with eleven u64: of them 1, 6 and 7 count the bytes of its other, run-length and raw sections
+/// uncompressed, 8 and 9 the 16-bit coefficients of its cosine transform.
+fn check_dwa_counters(chunk: &Chunk, header: &Header) -> Result<()> {
+    let (CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le: bytes, .. })
+    | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le: bytes, .. })) = &chunk.compressed_block
+    else {
+        return Ok(()); // deep data, which the crate refuses
+    };
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let tile = header.get_block_data_indices(&chunk.compressed_block).map_err(translate)?;
+    let size = header.get_absolute_block_pixel_coordinates(tile).map_err(translate)?.size;
+    let n_bytes =
+        |width: usize, height: usize| (width as u128) * (height as u128) * (header.channels.bytes_per_pixel as u128);
+    if bytes.len() as u128 == n_bytes(size.x(), size.y()) {
+        return Ok(()); // stored as it was, because compression made it no smaller
+    }
+    // The transform works on whole squares of 8 × 8; runs of one byte take two.
+    let most = 2 * n_bytes(size.x() + 7, size.y() + 7);
+    for counter in [1, 6, 7, 8, 9] {
+        let count = bytes.get(8 * counter..).and_then(|rest| rest.first_chunk().copied()).map_or(0, u64::from_le_bytes);
+        if u128::from(count) > most {
+            return Err(Error::invalid(format!("a block of the OpenEXR that promises {count} bytes"), DAMAGED));
+        }
+    }
+    Ok(())
+}
+
+/// The display window, and where the data window lies in it.
+struct View {
+    width: usize,
+    height: usize,
+    /// From the display window's first texel to the data window's.
+    offset: [i64; 2],
+}
+
+impl View {
+    fn of(header: &Header) -> Result<Self> {
+        /// How much larger the display window may be than what the data window covers of it.
+        const MAX_EMPTINESS: i128 = 16;
+        let (display, data) = (header.shared_attributes.display_window, header.data_window());
+        let [width, height] = [display.size.x(), display.size.y()];
+        let offset = [
+            i64::from(data.position.x()) - i64::from(display.position.x()),
+            i64::from(data.position.y()) - i64::from(display.position.y()),
+        ];
+        let covered = |offset: i64, data: usize, display: usize| {
+            i128::from((offset + data as i64).min(display as i64) - offset.max(0)).max(0)
+        };
+        let covered = covered(offset[0], data.size.x(), width) * covered(offset[1], data.size.y(), height);
+        if covered == 0 || (width as i128) * (height as i128) > MAX_EMPTINESS * covered {
+            return Err(Error::unsupported(
+                format!(
+                    "{} in {}, which leaves nothing or next to nothing to see",
+                    window("data", data),
+                    window("display", display)
+                ),
+                "save the picture uncropped, with equal data and display windows",
+            ));
+        }
+        Ok(Self { width, height, offset })
+    }
+
+    /// Copies what is to be seen of `block` into the picture; `numbers` say how its channels are stored.
+    fn place(&self, block: &UncompressedBlock, numbers: &[Number], texels: &mut [f32]) {
+        let [width, lines] = [block.index.pixel_size.x(), block.index.pixel_size.y()];
+        let start = [block.index.pixel_position.x(), block.index.pixel_position.y()];
+        let inside = |at: i64, size: usize| usize::try_from(at).ok().filter(|&at| at < size);
+        let mut rest = &block.data[..];
+        // A block is its lines, a line its channels, a channel its numbers.
+        for line in 0..lines {
+            let y = inside((start[1] + line) as i64 + self.offset[1], self.height);
+            for (channel, number) in numbers.iter().enumerate() {
+                let (bytes, after) = rest.split_at(width * number.bytes());
+                rest = after;
+                let Some(y) = y else { continue };
+                for (i, sample) in bytes.chunks_exact(number.bytes()).enumerate() {
+                    if let Some(x) = inside((start[0] + i) as i64 + self.offset[0], self.width) {
+                        texels[(y * self.width + x) * numbers.len() + channel] = value(*number, sample);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn window(name: &str, bounds: IntegerBounds) -> String {
+    let (size, at) = (bounds.size, bounds.position);
+    format!("{name} window {} × {} at ({}, {})", size.x(), size.y(), at.x(), at.y())
+}
+
+/// The number in `sample`, in the byte order of the machine.
+fn value(number: Number, sample: &[u8]) -> f32 {
+    let mut bytes = [0; 4];
+    let bytes = &mut bytes[..sample.len()];
+    bytes.copy_from_slice(sample);
+    to_native(bytes);
+    match (number, &*bytes) {
+        (Number::F16, &[a, b]) => half::f16::from_le_bytes([a, b]).to_f32(),
+        (Number::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
+        _ => f32::NAN, // cannot be: samples are cut to the number's size
+    }
+}
+
+/// The text attributes, but those that name the part.
+fn metadata(header: &Header) -> Vec<(String, String)> {
+    let mut pairs: Vec<(String, String)> = header
+        .all_named_attributes()
+        .filter(|(name, _)| ![standard_names::NAME, standard_names::VIEW].contains(name))
+        .filter_map(|(name, value)| match value {
+            AttributeValue::Text(text) => Some((string(name), string(text.as_slice()))),
+            _ => None,
+        })
+        .collect();
+    pairs.sort();
+    pairs
+}
+
+/// Text as UTF-8, failing that as Latin-1, which older programs wrote.
+fn string(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_owned(),
+        Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
+    }
+}
+
+fn panicked() -> Error {
+    Error::invalid("the OpenEXR is broken in a way that its reader did not foresee", DAMAGED)
+}
+
+fn translate(error: ::exr::error::Error) -> Error {
+    match error {
+        ::exr::error::Error::NotSupported(what) => Error::unsupported(
+            format!("the OpenEXR needs something that Kiln does not read: {what}"),
+            "save it again as one flat part of half or float channels",
+        ),
+        other => Error::invalid(format!("the OpenEXR is broken: {other}"), DAMAGED),
+    }
+}

@@ -1,0 +1,140 @@
+//! Reading KTX2; what is read and what refused stands at the head of the parent module.
+
+use super::{MAGIC, Texture, vk_format};
+use crate::error::{Error, Result};
+use crate::pack::TexelFormat;
+use ::ktx2::{Header, LevelIndex};
+
+const DAMAGED: &str = "the file is damaged; copy or download it again";
+
+/// The texture in `bytes`. Values of metadata that are not UTF-8 come as `0x` and hexadecimal digits.
+///
+/// **Errors**: see the head of the parent module; also truncated or contradictory data.
+pub fn decode(bytes: &[u8]) -> Result<Texture> {
+    let header = header(bytes)?;
+    let format = check_kind(&header, bytes)?;
+    let n_levels = header.level_count.max(1) as usize; // 0 asks the loader to make mips
+    let mut texture = Texture {
+        format,
+        width: header.pixel_width as usize,
+        height: header.pixel_height as usize,
+        faces: header.face_count as usize,
+        levels: Vec::new(),
+        metadata: metadata(&header, bytes)?,
+    };
+    let index = bytes[Header::LENGTH..].chunks_exact(LevelIndex::LENGTH).take(n_levels);
+    if index.len() < n_levels {
+        return Err(Error::invalid(format!("the KTX2 ends within the index of its {n_levels} levels"), DAMAGED));
+    }
+    for (level, entry) in index.enumerate() {
+        let entry =
+            entry.try_into().map(LevelIndex::from_bytes).map_err(|_| Error::invalid("a torn index", DAMAGED))?;
+        let wanted = texture.level_bytes(level);
+        if wanted.map(|n| n as u64) != Some(entry.byte_length) {
+            let [width, height] = texture.level_size(level);
+            return Err(Error::invalid(
+                format!(
+                    "level {level} of the KTX2 has {} bytes for {width} × {height} texels of {format}",
+                    entry.byte_length
+                ),
+                DAMAGED,
+            ));
+        }
+        let data = section(bytes, entry.byte_offset, entry.byte_length).ok_or_else(|| {
+            Error::invalid(
+                format!(
+                    "level {level} of the KTX2 needs {} bytes from {} on, where the file has {}",
+                    entry.byte_length,
+                    entry.byte_offset,
+                    bytes.len()
+                ),
+                DAMAGED,
+            )
+        })?;
+        texture.levels.push(data.to_vec());
+    }
+    texture.check().map_err(|error| Error::invalid(format!("the KTX2 contradicts itself: {error}"), DAMAGED))?;
+    Ok(texture)
+}
+
+fn header(bytes: &[u8]) -> Result<Header> {
+    if !bytes.starts_with(&MAGIC) {
+        return Err(Error::invalid("no KTX2 identifier at the beginning", "give a .ktx2 file, version 2 of KTX"));
+    }
+    let head: &[u8; Header::LENGTH] =
+        bytes.first_chunk().ok_or_else(|| Error::invalid("the KTX2 ends within its header", DAMAGED))?;
+    Header::from_bytes(head).map_err(|error| Error::invalid(format!("the KTX2's header is broken: {error}"), DAMAGED))
+}
+
+/// The texel format; refuses every kind of texture that Kiln does not write.
+fn check_kind(header: &Header, bytes: &[u8]) -> Result<TexelFormat> {
+    if header.pixel_depth > 0 || header.pixel_height == 0 || header.layer_count > 0 {
+        let kind = if header.layer_count > 0 {
+            "an array"
+        } else if header.pixel_depth > 0 {
+            "a volume"
+        } else {
+            "one-dimensional"
+        };
+        return Err(Error::unsupported(
+            format!("the KTX2 is {kind}, where a two-dimensional texture or a cube map is wanted"),
+            "extract one layer or slice with the KTX tools",
+        ));
+    }
+    if header.face_count != 1 && (header.face_count != 6 || header.pixel_width != header.pixel_height) {
+        let Header { pixel_width, pixel_height, face_count, .. } = header;
+        return Err(Error::invalid(
+            format!("the KTX2 has {face_count} faces of {pixel_width} × {pixel_height} texels, neither one nor a cube"),
+            DAMAGED,
+        ));
+    }
+    // The crate reads scheme 0 and every other absent one as none; the bytes tell.
+    let [scheme, vk] = [44, 12].map(|at| u32_at(bytes, at));
+    if scheme != Some(0) {
+        return Err(Error::unsupported(
+            format!("the KTX2 is supercompressed (scheme {})", scheme.unwrap_or_default()),
+            "export it again without supercompression",
+        ));
+    }
+    TexelFormat::ALL.into_iter().find(|&format| Some(vk_format(format).value()) == vk).ok_or_else(|| {
+        let name = header.format.map_or_else(|| "undefined".to_owned(), |format| format!("{format:?}"));
+        Error::unsupported(
+            format!("the KTX2's texel format is {name} (vkFormat {})", vk.unwrap_or_default()),
+            format!("convert it to one of {}", TexelFormat::names()),
+        )
+    })
+}
+
+fn metadata(header: &Header, bytes: &[u8]) -> Result<Vec<(String, String)>> {
+    let broken = || Error::invalid("the KTX2's key/value data are broken", DAMAGED);
+    let (offset, length) = (header.index.kvd_byte_offset, header.index.kvd_byte_length);
+    let mut rest = section(bytes, offset.into(), length.into()).ok_or_else(broken)?;
+    let mut pairs = Vec::new();
+    while !rest.is_empty() {
+        let length = u32_at(rest, 0).ok_or_else(broken)? as usize;
+        let pair = rest[4..].get(..length).ok_or_else(broken)?;
+        let end = pair.iter().position(|&byte| byte == 0).ok_or_else(broken)?;
+        let key = std::str::from_utf8(&pair[..end]).map_err(|_| broken())?;
+        pairs.push((key.to_owned(), text(&pair[end + 1..])));
+        // Padding is missing after the last pair in files of some writers.
+        rest = rest.get(4 + length.next_multiple_of(4)..).unwrap_or_default();
+    }
+    Ok(pairs)
+}
+
+fn text(value: &[u8]) -> String {
+    match std::str::from_utf8(value.strip_suffix(&[0]).unwrap_or(value)) {
+        Ok(text) => text.to_owned(),
+        Err(_) => value.iter().fold("0x".to_owned(), |hex, byte| format!("{hex}{byte:02x}")),
+    }
+}
+
+/// `length` bytes from `offset` on, if they are all there.
+fn section(bytes: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
+    let start = usize::try_from(offset).ok()?;
+    bytes.get(start..start.checked_add(usize::try_from(length).ok()?)?)
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(bytes.get(at..)?.first_chunk().copied()?))
+}

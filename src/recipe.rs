@@ -1,0 +1,317 @@
+//! Recipes: everything that decides what a bake writes, complete and printable.
+//!
+//! A recipe is a TOML file of `[[table]]` and `[[environment]]` entries. What an entry leaves out takes a default, and
+//! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
+
+use crate::environment::{ChainSpec, Negatives, NonFinite};
+use crate::error::{Error, Result};
+use crate::format::FormatSpec;
+use crate::integrate::Settings;
+use crate::table::{Axis, Model, TableSpec, named, quantity};
+use serde::{Deserialize, Serialize};
+use std::path::{Component, Path};
+
+/// The version of the recipe file that this Kiln reads and writes.
+pub const RECIPE_VERSION: u32 = 1;
+
+/// The recipe that `kiln bake` follows when it is given none.
+pub const BUILT_IN: &str = include_str!("built_in_recipe.toml");
+
+/// What to bake.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// [`RECIPE_VERSION`].
+    pub recipe: u32,
+    /// Tables, in the order in which they are baked.
+    #[serde(default, rename = "table")]
+    pub tables: Vec<TableRecipe>,
+    /// Environments, baked after the tables.
+    #[serde(default, rename = "environment")]
+    pub environments: Vec<EnvironmentRecipe>,
+}
+
+/// One table and its file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableRecipe {
+    /// Path of the file, within the output folder.
+    pub file: String,
+    /// Container and number format.
+    pub format: FormatSpec,
+    /// Names of the quantities, one per channel.
+    pub channels: Vec<String>,
+    /// The axes, the fastest (x) first.
+    #[serde(with = "axis_texts")]
+    pub axes: Vec<Axis>,
+    /// The choices within the model.
+    #[serde(default)]
+    pub model: Model,
+    /// How to integrate.
+    #[serde(default)]
+    pub integration: Settings,
+}
+
+/// One environment and the folder of its files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentRecipe {
+    /// A panorama's file, or `builtin:NAME`.
+    pub input: String,
+    /// Folder of the files, within the output folder; empty for that folder itself.
+    #[serde(default)]
+    pub directory: String,
+    /// Texels along an edge of the specular cube's level 0.
+    #[serde(default = "default_size")]
+    pub size: usize,
+    /// Texels along an edge of its last level, unless `roughness` says how many levels there are.
+    #[serde(default = "default_min_size")]
+    pub min_size: usize,
+    /// Roughness of each level; each is half the size of the one before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness: Option<Vec<f64>>,
+    /// Texels along an edge of the irradiance cube.
+    #[serde(default = "default_irradiance_size")]
+    pub irradiance_size: usize,
+    /// Container and texel format of the cubes.
+    #[serde(default = "default_cube_format")]
+    pub format: FormatSpec,
+    /// What becomes of NaN and infinities.
+    #[serde(default)]
+    pub nonfinite: NonFinite,
+    /// What becomes of values below zero.
+    #[serde(default)]
+    pub negatives: Negatives,
+    /// How to integrate.
+    #[serde(default)]
+    pub integration: Settings,
+}
+
+fn default_size() -> usize {
+    256
+}
+
+fn default_min_size() -> usize {
+    16
+}
+
+fn default_irradiance_size() -> usize {
+    32
+}
+
+fn default_cube_format() -> FormatSpec {
+    FormatSpec::Ktx2(crate::pack::TexelFormat { channels: 4, number: crate::pack::Number::F16 })
+}
+
+/// Axes as the texts that a user writes: `mu:128:linear:centre`.
+mod axis_texts {
+    use super::Axis;
+    use serde::de::Error as _;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(axes: &[Axis], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(axes.iter().map(Axis::to_string))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Axis>, D::Error> {
+        let texts = Vec::<String>::deserialize(deserializer)?;
+        texts.iter().map(|t| t.parse().map_err(D::Error::custom)).collect()
+    }
+}
+
+impl Recipe {
+    /// The recipe that `kiln bake` follows when it is given none.
+    pub fn built_in() -> Result<Self> {
+        Self::from_toml(BUILT_IN)
+    }
+
+    /// Reads a recipe.
+    ///
+    /// **Errors**: broken TOML, unknown keys, a version that this Kiln does not know, entries that cannot be baked, two
+    /// entries that write the same file.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        let recipe: Self = toml::from_str(text).map_err(|e| {
+            Error::invalid(
+                format!("not a recipe: {}", e.to_string().trim_end().replace('\n', "\n  ")),
+                "compare it with `kiln bake --print-recipe`",
+            )
+        })?;
+        if recipe.recipe != RECIPE_VERSION {
+            return Err(Error::unsupported(
+                format!("recipe version {} is not {RECIPE_VERSION}", recipe.recipe),
+                format!("write `recipe = {RECIPE_VERSION}`, and compare it with `kiln bake --print-recipe`"),
+            ));
+        }
+        recipe.check()?;
+        Ok(recipe)
+    }
+
+    /// The recipe as a file to edit, nothing left out.
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string_pretty(self)
+            .map_err(|e| Error::unsupported(format!("a recipe that TOML cannot hold: {e}"), "report this as a bug"))
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.tables.is_empty() && self.environments.is_empty() {
+            return Err(Error::usage(
+                "a recipe that lists nothing to bake",
+                "add a [[table]] or an [[environment]]; see `kiln bake --print-recipe`",
+            ));
+        }
+        let mut targets = vec![];
+        for table in &self.tables {
+            check_inside(&table.file)?;
+            table.spec().and_then(|s| s.check()).map_err(|e| e.in_file(Path::new(&table.file)))?;
+            table.integration.check()?;
+            table.check_format()?;
+            targets.push(table.file.clone());
+        }
+        for environment in &self.environments {
+            check_inside(&environment.directory)?;
+            environment.check()?;
+            targets.push(environment.directory.clone());
+        }
+        for (i, target) in targets.iter().enumerate() {
+            if targets[..i].contains(target) {
+                return Err(Error::usage(
+                    format!("two entries of the recipe write {target:?}"),
+                    "give each its own `file` or `directory`",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A path of a recipe stays within the output folder: recipes come from other people.
+fn check_inside(path: &str) -> Result<()> {
+    let fine = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    if fine && !path.contains('\0') {
+        return Ok(());
+    }
+    Err(Error::usage(
+        format!("{path:?} leads out of the output folder"),
+        "use a relative path without `..`, and choose the folder with --out",
+    ))
+}
+
+impl TableRecipe {
+    /// What to integrate.
+    ///
+    /// **Errors**: a quantity that does not exist.
+    pub fn spec(&self) -> Result<TableSpec> {
+        let channels = self.channels.iter().map(|name| quantity::find(name)).collect::<Result<_>>()?;
+        Ok(TableSpec { channels, axes: self.axes.clone(), model: self.model })
+    }
+
+    /// Whether the format can hold the channels.
+    ///
+    /// **Errors**: more channels than the texel format has; a channel twice.
+    pub fn check_format(&self) -> Result<()> {
+        for (i, name) in self.channels.iter().enumerate() {
+            if self.channels[..i].contains(name) {
+                return Err(Error::usage(format!("channel {name} is named twice"), "name each quantity once"));
+            }
+        }
+        if let FormatSpec::Ktx2(texel) = self.format
+            && self.channels.len() > texel.channels
+        {
+            return Err(Error::usage(
+                format!("{} holds {} channels, and {} were asked for", self.format, texel.channels, self.channels.len()),
+                "use ktx2:rgba16f or ktx2:rgba32f for up to four, or exr:f32 for any number",
+            ));
+        }
+        Ok(())
+    }
+
+    /// The named table `name` as it is unless told otherwise, for a file of that format.
+    ///
+    /// **Errors**: an unknown name.
+    pub fn named(name: &str, format: FormatSpec) -> Result<Self> {
+        let table = named::find(name)?;
+        Ok(Self {
+            file: format!("{name}.{}", format.extension()),
+            format,
+            channels: table.channels.iter().map(|&c| c.to_owned()).collect(),
+            axes: table.default_axes(),
+            model: Model::default(),
+            integration: Settings::default(),
+        })
+    }
+}
+
+/// Texels along a cube's edge at most: what graphics hardware samples.
+pub const LARGEST_CUBE: usize = 16384;
+
+impl EnvironmentRecipe {
+    /// The environment at the default sizes.
+    pub fn new(input: &str) -> Self {
+        Self {
+            input: input.to_owned(),
+            directory: String::new(),
+            size: default_size(),
+            min_size: default_min_size(),
+            roughness: None,
+            irradiance_size: default_irradiance_size(),
+            format: default_cube_format(),
+            nonfinite: NonFinite::default(),
+            negatives: Negatives::default(),
+            integration: Settings::default(),
+        }
+    }
+
+    /// The roughness of every level: the given ones, or m/(levels − 1) for the levels from `size` down to `min_size`.
+    pub fn level_roughness(&self) -> Vec<f64> {
+        if let Some(roughness) = &self.roughness {
+            return roughness.clone();
+        }
+        ChainSpec::new(self.size, self.min_size).roughness
+    }
+
+    /// Whether the environment can be baked.
+    ///
+    /// **Errors**: impossible sizes, more levels than halvings, roughness outside [0, 1], a format without three channels.
+    pub fn check(&self) -> Result<()> {
+        self.integration.check()?;
+        for (name, size) in [("size", self.size), ("min-size", self.min_size), ("irradiance-size", self.irradiance_size)] {
+            if size == 0 || size > LARGEST_CUBE {
+                return Err(Error::usage(
+                    format!("{name} {size} is not in 1..={LARGEST_CUBE}"),
+                    format!("use something like --{name} {}", if name == "size" { 256 } else { 16 }),
+                ));
+            }
+        }
+        if self.roughness.is_none() && self.min_size > self.size {
+            return Err(Error::usage(
+                format!("min-size {} is larger than size {}", self.min_size, self.size),
+                format!("use --min-size {} or smaller", self.size),
+            ));
+        }
+        if let Some(roughness) = &self.roughness {
+            if roughness.is_empty() {
+                return Err(Error::usage("no roughness is given", "give one per level, such as --roughness 0,0.5,1"));
+            }
+            if let Some(bad) = roughness.iter().find(|r| !(0.0..=1.0).contains(*r)) {
+                return Err(Error::usage(
+                    format!("roughness {bad} is outside its domain [0, 1]"),
+                    "give one per level, such as --roughness 0,0.5,1",
+                ));
+            }
+            let most = self.size.ilog2() as usize + 1;
+            if roughness.len() > most {
+                return Err(Error::usage(
+                    format!("{} levels are more than the {most} that a cube of size {} halves into", roughness.len(), self.size),
+                    format!("use at most {most} values of roughness, or a larger --size"),
+                ));
+            }
+        }
+        match self.format {
+            FormatSpec::Ktx2(texel) if texel.channels == 4 => Ok(()),
+            other => Err(Error::usage(
+                format!("a cube of colours does not fit {other}"),
+                "use --format ktx2:rgba16f or ktx2:rgba32f",
+            )),
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! Quantities: functions of physical parameters, with what is known of each.
+
+use crate::error::{Error, Result};
+use crate::integrate::{Estimate, Integration};
+use crate::model::alpha_of_roughness;
+use crate::model::ggx::Smith;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A physical parameter of a quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Parameter {
+    /// Cosine of the outgoing direction to the normal.
+    Mu,
+    /// Width of the microfacet distribution.
+    Alpha,
+    /// The artist's value: alpha = roughness².
+    Roughness,
+}
+
+impl Parameter {
+    /// Every parameter.
+    pub const ALL: [Self; 3] = [Self::Mu, Self::Alpha, Self::Roughness];
+
+    /// The name that a user writes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mu => "mu",
+            Self::Alpha => "alpha",
+            Self::Roughness => "roughness",
+        }
+    }
+
+    /// The parameter of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|p| p.name() == name)
+    }
+
+    /// The parameter that a quantity is defined over: `roughness` is another name for a value of `alpha`.
+    pub fn canonical(self) -> Self {
+        if self == Self::Roughness { Self::Alpha } else { self }
+    }
+
+    /// One sentence for `kiln list`.
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::Mu => "cosine of the outgoing direction to the normal",
+            Self::Alpha => "width of the microfacet distribution",
+            Self::Roughness => "the artist's value; alpha = roughness²",
+        }
+    }
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Values of the parameters at which a quantity is wanted. All of them live in [0, 1].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Point {
+    mu: Option<f64>,
+    alpha: Option<f64>,
+}
+
+impl Point {
+    /// The same point with `parameter` set.
+    ///
+    /// **Errors**: a value outside [0, 1], or a second value for the same parameter.
+    pub fn with(mut self, parameter: Parameter, value: f64) -> Result<Self> {
+        if !(0.0..=1.0).contains(&value) {
+            return Err(Error::usage(
+                format!("{parameter} {value} is outside its domain [0, 1]"),
+                format!("give a {parameter} from 0 to 1"),
+            ));
+        }
+        let (slot, value) = match parameter {
+            Parameter::Mu => (&mut self.mu, value),
+            Parameter::Alpha => (&mut self.alpha, value),
+            Parameter::Roughness => (&mut self.alpha, alpha_of_roughness(value)),
+        };
+        if slot.is_some() {
+            let name = parameter.canonical();
+            return Err(Error::usage(format!("{name} is given twice"), "give either alpha or roughness, once"));
+        }
+        *slot = Some(value);
+        Ok(self)
+    }
+
+    /// Like [`Point::with`], for a value that an axis has already kept in the domain.
+    pub(crate) fn set(&mut self, parameter: Parameter, value: f64) {
+        match parameter {
+            Parameter::Mu => self.mu = Some(value),
+            Parameter::Alpha => self.alpha = Some(value),
+            Parameter::Roughness => self.alpha = Some(alpha_of_roughness(value)),
+        }
+    }
+
+    /// The value of the canonical `parameter`.
+    pub fn get(&self, parameter: Parameter) -> Result<f64> {
+        let value = match parameter.canonical() {
+            Parameter::Mu => self.mu,
+            _ => self.alpha,
+        };
+        value.ok_or_else(|| {
+            let hint = match parameter.canonical() {
+                Parameter::Alpha => "give alpha or roughness".to_owned(),
+                p => format!("give {p}"),
+            };
+            Error::usage(format!("no value for {}", parameter.canonical()), hint)
+        })
+    }
+}
+
+/// The choices within a model that a quantity is computed for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Model {
+    /// Masking and shadowing.
+    pub smith: Smith,
+}
+
+/// A function of physical parameters.
+#[derive(Debug)]
+pub struct Quantity {
+    /// `family.name`, as written by a user.
+    pub name: &'static str,
+    /// What it is, in one sentence.
+    pub summary: &'static str,
+    /// The formula, in words that a shader author knows.
+    pub definition: &'static str,
+    /// Where the definition comes from.
+    pub source: &'static str,
+    /// The parameters that it depends on (canonical ones).
+    pub parameters: &'static [Parameter],
+    /// Values never leave this interval.
+    pub bounds: (f64, f64),
+}
+
+impl Quantity {
+    /// The part of the name after the dot.
+    pub fn short_name(&self) -> &'static str {
+        self.name.rsplit('.').next().unwrap_or(self.name)
+    }
+
+    /// Whether `parameter`, or the one that it stands for, matters.
+    pub fn depends_on(&self, parameter: Parameter) -> bool {
+        self.parameters.contains(&parameter.canonical())
+    }
+}
+
+/// Quantities that one integration computes together.
+pub trait Family: Sync {
+    /// The quantities, in the order in which the witnesses return them.
+    fn quantities(&self) -> &'static [Quantity];
+
+    /// The deterministic witness: a bound per quantity, at most `tolerance` where it can be reached.
+    fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>>;
+
+    /// The random witness: a standard error per quantity, when `integration.stop()` says enough.
+    fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>>;
+
+    /// Known exact values at `at`, as (quantity, value, what it is called), for tests and `verify`.
+    fn identities(&self, at: &Point, model: &Model) -> Vec<Identity>;
+}
+
+/// A value that a quantity is known to have by a closed form or a limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Identity {
+    /// Position in [`Family::quantities`].
+    pub quantity: usize,
+    /// The exact value.
+    pub value: f64,
+    /// How far the quantity may be from it by definition (0 for a closed form).
+    pub slack: f64,
+    /// The name of the fact.
+    pub fact: &'static str,
+}
+
+/// Every family.
+pub static FAMILIES: &[&dyn Family] = &[&super::ggx::Split, &super::ggx::Average, &super::lambert::Lambertian];
+
+/// Every quantity with its family and its place in it.
+pub fn all() -> impl Iterator<Item = Handle> {
+    FAMILIES.iter().flat_map(|family| {
+        family.quantities().iter().enumerate().map(|(index, quantity)| Handle { family: *family, index, quantity })
+    })
+}
+
+/// A quantity and how to compute it.
+#[derive(Clone, Copy)]
+pub struct Handle {
+    /// Whose integration yields it.
+    pub family: &'static dyn Family,
+    /// Its place in that family.
+    pub index: usize,
+    /// What is known of it.
+    pub quantity: &'static Quantity,
+}
+
+impl fmt::Debug for Handle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Handle({})", self.quantity.name)
+    }
+}
+
+impl PartialEq for Handle {
+    fn eq(&self, other: &Self) -> bool {
+        self.quantity.name == other.quantity.name
+    }
+}
+
+impl Handle {
+    /// The value at a point by the witness that `integration` chooses.
+    ///
+    /// **Errors**: a missing parameter; a tolerance that the witness does not reach.
+    pub fn evaluate(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Estimate> {
+        let estimate = evaluate_family(self.family, at, model, integration)?[self.index];
+        self.reached(estimate, integration)
+    }
+
+    /// The estimate, if it is as good as was asked for.
+    pub(crate) fn reached(&self, estimate: Estimate, integration: &Integration) -> Result<Estimate> {
+        let tolerance = integration.tolerance();
+        // A count of samples is an order to stop there, however good the value is by then.
+        if estimate.error <= tolerance || integration.settings.samples.is_some() {
+            return Ok(estimate);
+        }
+        Err(Error::unsupported(
+            format!(
+                "{} did not reach tolerance {tolerance:e}: the best value is {} with an error of {:e} ({})",
+                self.quantity.name,
+                estimate.value,
+                estimate.error,
+                estimate.kind.name()
+            ),
+            format!("use --tolerance {:.0e}", 2.0 * estimate.error),
+        ))
+    }
+
+    /// Whether both are computed by the same integration.
+    pub fn same_family(&self, other: &Self) -> bool {
+        self.family.quantities()[0].name == other.family.quantities()[0].name
+    }
+}
+
+/// Every quantity of a family at a point, by the witness that `integration` chooses.
+pub fn evaluate_family(
+    family: &dyn Family,
+    at: &Point,
+    model: &Model,
+    integration: &Integration,
+) -> Result<Vec<Estimate>> {
+    if integration.is_monte_carlo() {
+        family.monte_carlo(at, model, integration)
+    } else {
+        family.quadrature(at, model, integration.tolerance())
+    }
+}
+
+/// The quantity of that name.
+///
+/// **Errors**: an unknown name; the message lists near matches.
+pub fn find(name: &str) -> Result<Handle> {
+    all().find(|h| h.quantity.name == name).ok_or_else(|| {
+        let names: Vec<_> = all().map(|h| h.quantity.name).collect();
+        Error::usage(format!("no quantity is called {name:?}"), near_matches(name, &names, "kiln list quantities"))
+    })
+}
+
+/// A way out for a mistyped name: the likeliest ones, and where the whole list is.
+pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
+    let last = name.rsplit('.').next().unwrap_or(name);
+    let near: Vec<&str> =
+        known.iter().copied().filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last))).take(5).collect();
+    if near.is_empty() { format!("see `{list}`") } else { format!("did you mean {}? see `{list}`", near.join(", ")) }
+}
+
+/// The number of insertions, deletions and substitutions between two words (Levenshtein), row by row.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, &y) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}

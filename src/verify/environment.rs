@@ -1,0 +1,120 @@
+//! Verification of an environment's files.
+
+use super::{Content, Options, Report, digest_check};
+use crate::bake::{ShFile, largest, texel_digest, ulp};
+use crate::certificate::{self, Certificate};
+use crate::check::{Check, CubeLevel, EnvironmentValues};
+use crate::environment::{self, Panorama, spherical_harmonics};
+use crate::error::{Error, Result};
+use crate::format::{FormatSpec, ktx2};
+use crate::recipe::EnvironmentRecipe;
+use std::path::Path;
+
+pub(super) fn verify(
+    path: &Path,
+    content: &Content,
+    certificate: &Certificate,
+    recipe: &EnvironmentRecipe,
+    options: Options,
+) -> Result<Report> {
+    recipe.check().map_err(|e| e.in_file(path))?;
+    let (panorama, skipped) = source(certificate, recipe);
+    let mut report = Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped };
+    match content {
+        Content::Texture(texture) => {
+            let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
+            let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
+            report.checks.extend(digest_check(path, certificate, &digest));
+            let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
+            let judged = EnvironmentValues { levels: &levels, ulp: ulp(format.number), largest: largest(format.number) };
+            report.checks.extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative > 0)));
+            if let Some(panorama) = &panorama {
+                // Other texels than those that the bake looked at.
+                let seed = recipe.integration.seed.wrapping_add(0x5EED);
+                report.checks.extend(judged.against(panorama, seed, options.full));
+            }
+            let names: Vec<String> = levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
+            let kind = if levels[0].name == "irradiance" { "irradiance E/π" } else { "specular chain" };
+            report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
+        }
+        Content::Json(value) => {
+            report.claim = format!("spherical harmonics of {}", recipe.input);
+            let sh: ShFile = serde_json::from_value(value.clone())
+                .map_err(|e| Error::invalid(format!("not spherical harmonics: {e}"), "bake it again").in_file(path))?;
+            let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+            report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
+            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, p)));
+        }
+        Content::Picture(_) => {
+            return Err(Error::invalid("a picture, where the certificate says a cube", "give the environment's own file")
+                .in_file(path));
+        }
+    }
+    Ok(report)
+}
+
+/// The panorama that was filtered, if it can still be had; else what cannot be checked.
+fn source(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Option<Panorama>, Vec<String>) {
+    let skip = |why: String| (None, vec![format!("comparison with the input: {why}")]);
+    match environment::load(&recipe.input, recipe.nonfinite, recipe.negatives) {
+        Err(error) => skip(error.to_string()),
+        Ok((panorama, _)) => {
+            let digest = texel_digest([panorama.texels().as_flattened()]);
+            match &certificate.input {
+                Some(input) if input.digest == digest => (Some(panorama), vec![]),
+                _ => skip(format!("{} is not what it was when the environment was baked", recipe.input)),
+            }
+        }
+    }
+}
+
+/// The cubes of a texture, with what the certificate claims of each.
+fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+    let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == "irradiance");
+    let roughness = recipe.level_roughness();
+    // Which of the two cubes this is, its shape says; where both have the same, the levels say.
+    let claimed = if texture.levels.len() == specular.len() && texture.width == recipe.size { specular } else { irradiance };
+    let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
+    if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
+        return Err(Error::invalid(
+            format!("{}, where the certificate says a cube chain from {} or {}", shape(texture.levels.len()), recipe.size, recipe.irradiance_size),
+            "bake the environment again",
+        ));
+    }
+    claimed
+        .iter()
+        .enumerate()
+        .map(|(m, level)| {
+            let [size, _] = texture.level_size(m);
+            let mut texels = vec![];
+            for face in 0..6 {
+                let values = texture.face(m, face).unwrap_or_default();
+                texels.extend(values.chunks_exact(texture.format.channels).map(|t| [t[0], t[1], t[2]]));
+            }
+            let wanted = if level.name == "irradiance" { 1.0 } else { roughness.get(m).copied().unwrap_or(f64::NAN) };
+            if texels.len() != 6 * size * size || level.roughness != wanted {
+                return Err(Error::invalid(format!("level {m} is not what the certificate says"), "bake it again"));
+            }
+            // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
+            let max_error = level.max_error.min(MOST_ERROR);
+            Ok(CubeLevel { name: level.name.clone(), size, roughness: level.roughness, texels, max_error })
+        })
+        .collect()
+}
+
+/// The largest relative standard error of a texel that verification believes.
+const MOST_ERROR: f64 = 0.5;
+
+/// The coefficients, integrated again.
+fn harmonics(sh: &ShFile, panorama: &Panorama) -> Check {
+    let wanted = spherical_harmonics::project(panorama);
+    let pairs = |a: &spherical_harmonics::Coefficients, b: &spherical_harmonics::Coefficients| {
+        let largest = b.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let off = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
+        // NaN must not hide behind max.
+        off.map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max) / largest.max(f64::MIN_POSITIVE)
+    };
+    let figure = pairs(&sh.harmonics.radiance, &wanted.radiance)
+        .max(pairs(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi));
+    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, "worst of 54")
+}

@@ -1,0 +1,5 @@
+//! What several integration tests share.
+#![allow(dead_code)] // every test file uses its part
+
+pub mod samples;
+pub mod tools;

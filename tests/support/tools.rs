@@ -1,0 +1,54 @@
+//! Finding and running the readers that other people wrote, in JavaScript and Python.
+//!
+//! They live in the folder that KILN_TEST_TOOLS names: `npm install --prefix DIR ktx-parse@2.0.0` and
+//! `pip install --target DIR/python OpenEXR==3.5.3`. Where one is missing its test says `skipped: …` and passes, unless
+//! KILN_REQUIRE_TOOLS=1.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The folder of the tools; nothing there, and the skip is told.
+pub fn folder_with(needed: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("KILN_TEST_TOOLS").map(PathBuf::from);
+    let found = folder.filter(|folder| folder.join(needed).exists());
+    if found.is_none() {
+        skip(&format!("no {needed} in the folder that KILN_TEST_TOOLS names"));
+    }
+    found
+}
+
+/// Says that a test is skipped; fails it where skipping is forbidden.
+pub fn skip(why: &str) {
+    assert!(std::env::var_os("KILN_REQUIRE_TOOLS").is_none_or(|value| value != "1"), "KILN_REQUIRE_TOOLS=1, but {why}");
+    eprintln!("skipped: {why}");
+}
+
+/// What `command` prints; nothing where it cannot be started, which is a skip.
+pub fn output(mut command: Command) -> Option<String> {
+    let output = match command.output() {
+        Ok(output) => output,
+        Err(error) => {
+            skip(&format!("{:?} does not start: {error}", command.get_program()));
+            return None;
+        }
+    };
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{:?} failed: {errors}", command.get_program());
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// What a script prints about `file`, run by Node with `ktx-parse`.
+pub fn node(script: &str, file: &Path) -> Option<String> {
+    let tools = folder_with("node_modules/ktx-parse")?;
+    let mut command = Command::new("node");
+    command.args(["--input-type=module", "--eval", script]).arg(file).env("KILN_TEST_TOOLS", tools);
+    output(command)
+}
+
+/// What a script prints about `file`, run by Python with `OpenEXR`.
+pub fn python(script: &str, file: &Path) -> Option<String> {
+    let tools = folder_with("python")?;
+    let mut command = Command::new("python3");
+    command.arg("-c").arg(script).arg(file).env("PYTHONPATH", tools.join("python"));
+    output(command)
+}
