@@ -11,6 +11,7 @@
 //! | 4 | [`recipe`] (what to bake) |
 //! | 5 | [`check`], [`certificate`] (facts about a file) |
 //! | 6 | [`bake`], [`verify`] |
+//! | 7 | [`report`] (previews) |
 //!
 //! # Example
 //!
@@ -37,6 +38,7 @@ pub mod math;
 pub mod model;
 pub mod pack;
 pub mod recipe;
+pub mod report;
 pub mod table;
 pub mod verify;
 

@@ -9,6 +9,7 @@ mod env;
 mod eval;
 mod info;
 mod list;
+mod show;
 mod table;
 mod verify;
 
@@ -48,6 +49,7 @@ enum Verb {
     Eval(eval::Eval),
     Verify(verify::Verify),
     Info(info::Info),
+    Show(show::Show),
     List(list::List),
 }
 
@@ -72,6 +74,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Eval(verb) => verb.run(console),
         Verb::Verify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
+        Verb::Show(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
     }
 }

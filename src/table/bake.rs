@@ -100,7 +100,7 @@ impl TableSpec {
         }
         for channel in &self.channels {
             for needed in channel.quantity.parameters {
-                if !self.axes.iter().any(|a| a.parameter.canonical() == *needed) {
+                if self.axis(*needed).is_none() {
                     return Err(Error::usage(
                         format!("{} depends on {needed}, which no axis varies", channel.quantity.name),
                         format!("add an axis for it, such as {needed}:64"),

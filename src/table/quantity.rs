@@ -9,7 +9,7 @@ use std::fmt;
 
 /// A physical parameter of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum Parameter {
     /// Cosine of the outgoing direction to the normal.
     Mu,
@@ -19,17 +19,44 @@ pub enum Parameter {
     Roughness,
 }
 
+/// What is known of a parameter: one row each.
+struct Facts {
+    parameter: Parameter,
+    name: &'static str,
+    summary: &'static str,
+    /// Values that make sense, both ends included.
+    domain: (f64, f64),
+}
+
+const FACTS: [Facts; Parameter::ALL.len()] = [
+    Facts {
+        parameter: Parameter::Mu,
+        name: "mu",
+        summary: "cosine of the outgoing direction to the normal",
+        domain: (0.0, 1.0),
+    },
+    Facts { parameter: Parameter::Alpha, name: "alpha", summary: "width of the microfacet distribution", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::Roughness,
+        name: "roughness",
+        summary: "the artist's value; alpha = roughness²",
+        domain: (0.0, 1.0),
+    },
+];
+
 impl Parameter {
     /// Every parameter.
     pub const ALL: [Self; 3] = [Self::Mu, Self::Alpha, Self::Roughness];
 
+    fn facts(self) -> &'static Facts {
+        let facts = &FACTS[self as usize];
+        debug_assert_eq!(facts.parameter, self, "FACTS is in the order of ALL");
+        facts
+    }
+
     /// The name that a user writes.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Mu => "mu",
-            Self::Alpha => "alpha",
-            Self::Roughness => "roughness",
-        }
+        self.facts().name
     }
 
     /// The parameter of that name.
@@ -37,18 +64,19 @@ impl Parameter {
         Self::ALL.into_iter().find(|p| p.name() == name)
     }
 
-    /// The parameter that a quantity is defined over: `roughness` is another name for a value of `alpha`.
-    pub fn canonical(self) -> Self {
-        if self == Self::Roughness { Self::Alpha } else { self }
-    }
-
     /// One sentence for `kiln list`.
     pub fn summary(self) -> &'static str {
-        match self {
-            Self::Mu => "cosine of the outgoing direction to the normal",
-            Self::Alpha => "width of the microfacet distribution",
-            Self::Roughness => "the artist's value; alpha = roughness²",
-        }
+        self.facts().summary
+    }
+
+    /// Values that make sense, both ends included.
+    pub fn domain(self) -> (f64, f64) {
+        self.facts().domain
+    }
+
+    /// The parameter that stands for both where two are names of one: `roughness` and `alpha` determine each other.
+    pub fn canonical(self) -> Self {
+        if self == Self::Roughness { Self::Alpha } else { self }
     }
 }
 
@@ -58,58 +86,56 @@ impl fmt::Display for Parameter {
     }
 }
 
-/// Values of the parameters at which a quantity is wanted. All of them live in [0, 1].
+/// Values of the parameters at which a quantity is wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Point {
-    mu: Option<f64>,
-    alpha: Option<f64>,
+    values: [Option<f64>; Parameter::ALL.len()],
 }
 
 impl Point {
     /// The same point with `parameter` set.
     ///
-    /// **Errors**: a value outside [0, 1], or a second value for the same parameter.
+    /// **Errors**: a value outside the parameter's domain, or a second value for the same parameter.
     pub fn with(mut self, parameter: Parameter, value: f64) -> Result<Self> {
-        if !(0.0..=1.0).contains(&value) {
+        let (low, high) = parameter.domain();
+        if !(low..=high).contains(&value) {
             return Err(Error::usage(
-                format!("{parameter} {value} is outside its domain [0, 1]"),
-                format!("give a {parameter} from 0 to 1"),
+                format!("{parameter} {value} is outside its domain [{low}, {high}]"),
+                format!("give {parameter} from {low} to {high}"),
             ));
         }
-        let (slot, value) = match parameter {
-            Parameter::Mu => (&mut self.mu, value),
-            Parameter::Alpha => (&mut self.alpha, value),
-            Parameter::Roughness => (&mut self.alpha, alpha_of_roughness(value)),
-        };
-        if slot.is_some() {
-            let name = parameter.canonical();
-            return Err(Error::usage(format!("{name} is given twice"), "give either alpha or roughness, once"));
+        if Parameter::ALL.into_iter().any(|p| p.canonical() == parameter.canonical() && self.values[p as usize].is_some()) {
+            return Err(if parameter == parameter.canonical() && parameter != Parameter::Alpha {
+                Error::usage(format!("{parameter} is given twice"), "give it once")
+            } else {
+                Error::usage("the width is given twice", "give either alpha or roughness, once")
+            });
         }
-        *slot = Some(value);
+        self.set(parameter, value);
         Ok(self)
     }
 
     /// Like [`Point::with`], for a value that an axis has already kept in the domain.
     pub(crate) fn set(&mut self, parameter: Parameter, value: f64) {
-        match parameter {
-            Parameter::Mu => self.mu = Some(value),
-            Parameter::Alpha => self.alpha = Some(value),
-            Parameter::Roughness => self.alpha = Some(alpha_of_roughness(value)),
-        }
+        self.values[parameter as usize] = Some(value);
     }
 
-    /// The value of the canonical `parameter`.
+    /// The value of `parameter`; alpha follows from roughness and roughness from alpha.
+    ///
+    /// **Errors**: it was not given.
     pub fn get(&self, parameter: Parameter) -> Result<f64> {
-        let value = match parameter.canonical() {
-            Parameter::Mu => self.mu,
-            _ => self.alpha,
+        let given = |p: Parameter| self.values[p as usize];
+        let derived = match parameter {
+            Parameter::Alpha => given(Parameter::Roughness).map(alpha_of_roughness),
+            Parameter::Roughness => given(Parameter::Alpha).map(f64::sqrt),
+            _ => None,
         };
-        value.ok_or_else(|| {
+        given(parameter).or(derived).ok_or_else(|| {
             let hint = match parameter.canonical() {
                 Parameter::Alpha => "give alpha or roughness".to_owned(),
                 p => format!("give {p}"),
             };
-            Error::usage(format!("no value for {}", parameter.canonical()), hint)
+            Error::usage(format!("no value for {parameter}"), hint)
         })
     }
 }
@@ -133,7 +159,7 @@ pub struct Quantity {
     pub definition: &'static str,
     /// Where the definition comes from.
     pub source: &'static str,
-    /// The parameters that it depends on (canonical ones).
+    /// The parameters that it depends on.
     pub parameters: &'static [Parameter],
     /// Values never leave this interval.
     pub bounds: (f64, f64),
@@ -147,7 +173,7 @@ impl Quantity {
 
     /// Whether `parameter`, or the one that it stands for, matters.
     pub fn depends_on(&self, parameter: Parameter) -> bool {
-        self.parameters.contains(&parameter.canonical())
+        self.parameters.iter().any(|p| p.canonical() == parameter.canonical())
     }
 }
 

@@ -1,0 +1,53 @@
+//! `kiln show`: a picture of a file.
+
+use super::console::Console;
+use clap::Args;
+use kiln::format::{FileKind, atomic, decode_image, exr, ktx2};
+use kiln::report::{self, Preview};
+use kiln::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Draw a preview of a table, panorama or cube as PNG, to look at
+#[derive(Debug, Args)]
+pub struct Show {
+    /// An .exr, .hdr or .ktx2
+    file: PathBuf,
+    /// PNG file to write
+    #[arg(long, short, value_name = "FILE.png")]
+    output: PathBuf,
+    /// Stops brighter (or darker, below zero) than automatic
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+}
+
+impl Show {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let preview = self.preview(&self.file).map_err(|e| e.in_file(&self.file))?;
+        atomic::write(&self.output, &preview.png()?)?;
+        console.note(&format!("{}: {} × {}", self.output.display(), preview.width, preview.height));
+        Ok(())
+    }
+
+    fn preview(&self, path: &Path) -> Result<Preview> {
+        let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+        match FileKind::of(&bytes) {
+            FileKind::Ktx2 => {
+                let texture = ktx2::decode(&bytes)?;
+                if texture.faces == 6 {
+                    return report::cube(&texture, self.exposure);
+                }
+                let values = texture.face(0, 0).unwrap_or_default();
+                Ok(report::table(texture.width, texture.height, texture.format.channels, &values))
+            }
+            FileKind::Exr => {
+                let image = exr::decode(&bytes)?;
+                // What has colour is radiance; what has not is a table.
+                match report::panorama(&image, self.exposure) {
+                    Ok(preview) => Ok(preview),
+                    Err(_) => Ok(report::table(image.width, image.height, image.channels.len(), &image.texels)),
+                }
+            }
+            _ => report::panorama(&decode_image(&bytes)?, self.exposure),
+        }
+    }
+}
