@@ -22,7 +22,7 @@ fn random_map(width: usize, seed: u64, sun: (usize, usize)) -> Panorama {
     };
     let mut texels: Vec<[f32; 3]> = (0..width * height).map(texel).collect();
     texels[sun.1 * width + sun.0] = [1e5, 0.8e5, 0.4e5];
-    Panorama::new(width, height, texels).unwrap()
+    Panorama::new(width, height, texels).expect("a 2:1 panorama")
 }
 
 fn uniform_directions(seed: u64, n: usize) -> Vec<DVec3> {
@@ -230,7 +230,7 @@ fn spherical_harmonics_hold_a_gradient_and_fail_on_a_sun() {
     // Half a row, squared: what the steps of the map have beyond order two.
     assert!(fit.max_relative_error < (PI / 64.0).powi(2), "{fit:?}");
     assert!(fit.min > 0.5, "{fit:?}");
-    // Opposite a lone light the fit to max(c, 0) is 1/4 − 1/2 + 5/32·... < 0 around 60° beyond the horizon.
+    // For a lone light the fit to max(c, 0) is 1/4 + c/2 + 5/32 (3c² − 1), which is −0.04 at c = −8/15.
     let sun = builtin("sun", 128).unwrap();
     let fit = judge(&project(&sun), &exact(&sun));
     assert!(fit.min < 0.0 && fit.rms_error > 0.05, "{fit:?}");

@@ -321,7 +321,7 @@ mod tests {
             let sum = FullSum::new(&panorama);
             for &alpha in alphas {
                 for axis in directions(DVec3::new(0.5, 0.2, 0.3).normalize()) {
-                    // Red lacks one texel and green another; a third panorama would say how much. Blue has base 1.
+                    // Red lacks one texel and green another, each put back by a panorama of that texel alone. Blue is base.
                     let [red, green, blue] = sum.evaluate(axis, &Kernel::new(alpha));
                     assert_eq!(blue, 1.0);
                     let missing = |column: usize, row: usize| {
