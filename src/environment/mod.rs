@@ -29,7 +29,7 @@ pub use cube::Cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
 pub use kernel::Kernel;
-pub use monte_carlo::{Filtered, MonteCarlo};
+pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
 pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
 pub use source::{BUILTIN_PREFIX, load};
 pub use spherical_harmonics::SphericalHarmonics;
