@@ -49,8 +49,18 @@ fn eval_by_monte_carlo_says_sigma_and_depends_on_the_seed_alone() {
     let folder = folder();
     std::fs::write(folder.path().join("p.csv"), "mu,alpha\n0.3,0.4\n0.9,0.1\n").expect("writes");
     let with = |seed: &str, threads: &str| {
-        let arguments =
-            ["eval", "ggx.scale", "--points", "p.csv", "--integrator", "monte-carlo", "--seed", seed, "--threads", threads];
+        let arguments = [
+            "eval",
+            "ggx.scale",
+            "--points",
+            "p.csv",
+            "--integrator",
+            "monte-carlo",
+            "--seed",
+            seed,
+            "--threads",
+            threads,
+        ];
         succeed(folder.path(), &arguments).stdout
     };
     let first = with("1", "1");
@@ -62,7 +72,8 @@ fn eval_by_monte_carlo_says_sigma_and_depends_on_the_seed_alone() {
 #[test]
 fn eval_at_one_point_shows_both_witnesses() {
     let folder = folder();
-    let run = succeed(folder.path(), &["eval", "ggx.scale", "--mu", "0.5", "--roughness", "0.3", "--smith", "separable"]);
+    let run =
+        succeed(folder.path(), &["eval", "ggx.scale", "--mu", "0.5", "--roughness", "0.3", "--smith", "separable"]);
     assert!(run.stdout.contains("quadrature") && run.stdout.contains("monte-carlo"), "{}", run.stdout);
     let json = succeed(folder.path(), &["eval", "ggx.scale", "--mu", "0.5", "--alpha", "0.3", "--json"]);
     let rows: serde_json::Value = serde_json::from_str(&json.stdout).expect("JSON");
@@ -171,7 +182,8 @@ fn the_printed_recipe_bakes_what_it_says() {
 #[test]
 fn an_environment_has_the_asked_levels_files_and_orientation() {
     let folder = folder();
-    let arguments = ["env", "builtin:sky", "--out", "sky", "--size", "32", "--roughness", "0,0.2,0.5,1", "--samples", "256"];
+    let arguments =
+        ["env", "builtin:sky", "--out", "sky", "--size", "32", "--roughness", "0,0.2,0.5,1", "--samples", "256"];
     succeed(folder.path(), &[&arguments[..], &["--format", "ktx2:rgba32f"]].concat());
     let names = listing(&folder.path().join("sky"));
     assert_eq!(names, ["certificate.json", "irradiance.ktx2", "sh.json", "specular.ktx2"]);
@@ -186,7 +198,8 @@ fn an_environment_has_the_asked_levels_files_and_orientation() {
     let blueness = |row: usize| side[(row * 32 + 5) * 4 + 2] / side[(row * 32 + 5) * 4];
     assert!(mean(2) > mean(3) && blueness(2) > 1.2 * blueness(30), "{} {}", blueness(2), blueness(30));
     let sh: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(folder.path().join("sky/sh.json")).expect("reads")).expect("JSON");
+        serde_json::from_str(&std::fs::read_to_string(folder.path().join("sky/sh.json")).expect("reads"))
+            .expect("JSON");
     assert_eq!(sh["order"][1], "y");
     assert!(sh["radiance"][1][2].as_f64().expect("a number") > 0.0, "more light comes from above");
 }
@@ -335,7 +348,9 @@ fn bad_files_fail_with_one_and_leave_nothing() {
 fn recipes_cannot_write_outside_the_output_folder_or_twice_to_one_file() {
     let folder = folder();
     let table = |file: &str| {
-        format!("[[table]]\nfile = \"{file}\"\nformat = \"exr:f32\"\nchannels = [\"ggx.albedo_avg\"]\naxes = [\"roughness:4\"]\n")
+        format!(
+            "[[table]]\nfile = \"{file}\"\nformat = \"exr:f32\"\nchannels = [\"ggx.albedo_avg\"]\naxes = [\"roughness:4\"]\n"
+        )
     };
     for (text, part) in [
         (table("../escape.exr"), "leads out"),
@@ -381,7 +396,10 @@ fn info_and_show_read_what_kiln_writes() {
     let folder = folder();
     succeed(folder.path(), &["table", "dfg", "--size", "8", "-o", "dfg.exr"]);
     succeed(folder.path(), &["table", "ggx-albedo-avg", "-o", "avg.ktx2"]);
-    succeed(folder.path(), &["env", "builtin:gradient", "--out", ".", "--size", "16", "--min-size", "8", "--samples", "64"]);
+    succeed(
+        folder.path(),
+        &["env", "builtin:gradient", "--out", ".", "--size", "16", "--min-size", "8", "--samples", "64"],
+    );
     let info = succeed(folder.path(), &["info", "dfg.exr", "avg.ktx2", "specular.ktx2"]).stdout;
     for part in ["8 × 8", "ggx.scale", "KTX2 r16f", "6 faces", "2 levels", "0 failed"] {
         assert!(info.contains(part), "{part} is missing in\n{info}");

@@ -39,7 +39,7 @@ struct Patch {
 }
 
 /// A lobe about an axis, the axis in spherical parts.
-struct Lobe<'a> {
+pub(super) struct Lobe<'a> {
     kernel: &'a Kernel,
     axis: DVec3,
     azimuth: f64,
@@ -71,13 +71,7 @@ impl<'a> FullSum<'a> {
     /// ∫ K(axis·l) L(l) dl, to about 1e-6 relative.
     pub fn evaluate(&self, axis: DVec3, kernel: &Kernel) -> [f64; 3] {
         let axis = axis.normalize();
-        let lobe = Lobe {
-            kernel,
-            axis,
-            azimuth: axis.z.atan2(axis.x),
-            horizontal: axis.x.hypot(axis.z),
-            width2: 4.0 * kernel.alpha().powi(2) / (1.0 - kernel.alpha().powi(2)).max(1e-300),
-        };
+        let lobe = Lobe::new(axis, kernel);
         let along: Vec<f64> = self.azimuths.iter().map(|(cos, sin)| axis.x * cos + axis.z * sin).collect();
         let mut weights = vec![0.0; self.panorama.width()];
         let mut sum = [Compensated::default(); 3];
@@ -157,6 +151,14 @@ impl<'a> FullSum<'a> {
         true
     }
 
+    /// ∫ K over one texel, counted row by row.
+    pub(super) fn texel_weight(&self, index: usize, lobe: &Lobe) -> f64 {
+        let (width, height) = (self.panorama.width(), self.panorama.height());
+        let side = |i: usize, n: usize, whole: f64| [whole * i as f64 / n as f64, whole * (i + 1) as f64 / n as f64];
+        let phi = side(index % width, width, TAU).map(|p| p - PI);
+        self.patch(Patch { phi, theta: side(index / width, height, PI) }, lobe)
+    }
+
     /// ∫ K over a box, with as many points as it takes.
     fn patch(&self, patch: Patch, lobe: &Lobe) -> f64 {
         let [phi, theta] = [patch.phi, patch.theta].map(|[low, high]| ((low + high) / 2.0, high - low));
@@ -224,7 +226,23 @@ impl<'a> FullSum<'a> {
     }
 }
 
-impl Lobe<'_> {
+impl<'a> Lobe<'a> {
+    /// The lobe about a unit axis.
+    pub(super) fn new(axis: DVec3, kernel: &'a Kernel) -> Self {
+        Self {
+            kernel,
+            axis,
+            azimuth: axis.z.atan2(axis.x),
+            horizontal: axis.x.hypot(axis.z),
+            width2: 4.0 * kernel.alpha().powi(2) / (1.0 - kernel.alpha().powi(2)).max(1e-300),
+        }
+    }
+
+    /// Squared distance of the kernel's singularities from its axis.
+    pub(super) fn width2(&self) -> f64 {
+        self.width2
+    }
+
     /// |axis − l|²/2 for l at (θ, azimuth + ψ): 1 − c without cancellation.
     fn one_minus_cos(&self, sin: f64, cos: f64, psi: f64) -> f64 {
         let half = (psi / 2.0).sin();

@@ -14,6 +14,7 @@ pub mod irradiance;
 pub mod kernel;
 pub mod monte_carlo;
 pub mod panorama;
+mod peel;
 mod sampler;
 pub mod sky;
 mod source;

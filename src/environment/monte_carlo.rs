@@ -11,6 +11,8 @@
 //!   is any estimate, and the estimator stays unbiased; a constant panorama leaves nothing to sample and is exact. (Taking
 //!   off the mean would do the same for white, but estimates beside a sun could go below zero, and where the map is much
 //!   darker than its mean it adds noise rather than removing it.)
+//! - Texels that stand out from their surroundings (suns, lamps, stars) are peeled off first and summed exactly: they are what
+//!   makes estimates sparkle.
 //! - The points are Owen-scrambled Sobol' points in [`REPLICATES`] independent replicates; the spread of the
 //!   replicates' means is an honest standard error.
 //! - The points are shared by all texels of a level: environment samples as they are, lobe samples turned towards R.
@@ -22,8 +24,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cube::{Cube, texel_direction};
+use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::panorama::Panorama;
+use super::peel::Peel;
 use super::sampler::EnvironmentSampler;
 use crate::math::sobol::PointSet;
 
@@ -55,8 +59,10 @@ pub struct Estimate {
 
 /// A panorama made ready for sampling.
 #[derive(Debug, Clone)]
-pub struct MonteCarlo {
+pub struct MonteCarlo<'a> {
     base: [f64; 3],
+    peel: Peel,
+    exact: FullSum<'a>,
     /// Nothing if the panorama is constant.
     environment: Option<EnvironmentSampler>,
     seed: u64,
@@ -87,11 +93,13 @@ struct LightSample {
     pdf: f64,
 }
 
-impl MonteCarlo {
+impl<'a> MonteCarlo<'a> {
     /// Prepares a panorama; `seed` chooses the scrambles.
-    pub fn new(panorama: &Panorama, seed: u64) -> Self {
-        let base = panorama.min();
-        Self { base: base.map(f64::from), environment: EnvironmentSampler::new(panorama, base), seed }
+    pub fn new(panorama: &'a Panorama, seed: u64) -> Self {
+        let (peel, rest) = Peel::new(panorama);
+        let base = rest.min();
+        let environment = EnvironmentSampler::new(&rest, base);
+        Self { base: base.map(f64::from), peel, exact: FullSum::new(panorama), environment, seed }
     }
 
     /// A cube level with `samples` samples for each texel. Same bytes for every number of threads.
@@ -114,16 +122,12 @@ impl MonteCarlo {
         finished: &(dyn Fn(u64) + Sync),
     ) -> (Vec<Estimate>, usize) {
         let n = samples.max(MIN_SAMPLES).div_ceil(2 * REPLICATES);
-        let Some(environment) = &self.environment else {
-            finished(directions.len() as u64);
-            let constant = Estimate { value: self.base, ..Estimate::default() };
-            return (vec![constant; directions.len()], 2 * n * REPLICATES);
-        };
-        let shared = SharedSamples::new(environment, *kernel, n, self.seed);
+        let shared = self.environment.as_ref().map(|e| SharedSamples::new(e, *kernel, n, self.seed));
         let texel = |axis: &DVec3| {
-            let Estimate { value, standard_error } = shared.estimate(*axis);
+            let rest = shared.as_ref().map_or(Estimate::default(), |s| s.estimate(*axis));
+            let peeled = self.peel.evaluate(*axis, kernel, &self.exact);
             finished(1);
-            Estimate { value: std::array::from_fn(|c| self.base[c] + value[c]), standard_error }
+            Estimate { value: std::array::from_fn(|c| self.base[c] + peeled[c] + rest.value[c]), ..rest }
         };
         (directions.par_iter().map(texel).collect(), 2 * n * REPLICATES)
     }

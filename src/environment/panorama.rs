@@ -88,6 +88,14 @@ impl Panorama {
         Ok(panorama)
     }
 
+    /// The same panorama with other texels, as many and all finite.
+    pub(super) fn with_texels(&self, texels: Vec<[f32; 3]>) -> Self {
+        debug_assert_eq!(texels.len(), self.texels.len());
+        let mut panorama = Self { texels, ..self.clone() };
+        panorama.mean = panorama.compute_mean();
+        panorama
+    }
+
     /// The panorama `width` × `width / 2` whose texels are a function of their boxes.
     pub(super) fn from_fn(width: usize, radiance: impl Fn(TexelBox) -> [f64; 3]) -> Result<Self> {
         let height = width / 2;
@@ -285,7 +293,9 @@ fn refuse_nonfinite(count: usize, mut values: impl Iterator<Item = f32>, width: 
     let Some(first) = values.position(|v| !v.is_finite()) else { return Ok(()) };
     let (x, y, channel) = (first / 3 % width, first / 3 / width, ["red", "green", "blue"][first % 3]);
     Err(Error::invalid(
-        format!("panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"),
+        format!(
+            "panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"
+        ),
         "repair the file, or use --nonfinite zero",
     ))
 }
