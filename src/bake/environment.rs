@@ -161,7 +161,7 @@ pub(crate) fn ulp(number: Number) -> fn(f64) -> f64 {
 /// The largest number that a format holds.
 pub(crate) fn largest(number: Number) -> f64 {
     match number {
-        Number::F16 => f64::from(binary16::MAX),
+        Number::F16 => binary16::MAX,
         Number::F32 => f64::from(f32::MAX),
     }
 }

@@ -27,7 +27,7 @@ use super::cube::{Cube, texel_direction};
 use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::panorama::Panorama;
-use super::peel::Peel;
+use super::peel::{PEEL_ERROR, Peel};
 use super::sampler::EnvironmentSampler;
 use crate::math::sobol::PointSet;
 
@@ -127,7 +127,11 @@ impl<'a> MonteCarlo<'a> {
             let rest = shared.as_ref().map_or(Estimate::default(), |s| s.estimate(*axis));
             let peeled = self.peel.evaluate(*axis, kernel, &self.exact);
             finished(1);
-            Estimate { value: std::array::from_fn(|c| self.base[c] + peeled[c] + rest.value[c]), ..rest }
+            Estimate {
+                value: std::array::from_fn(|c| self.base[c] + peeled[c] + rest.value[c]),
+                // A bound, not a standard error: added, so that the sum is never too small a claim.
+                standard_error: std::array::from_fn(|c| rest.standard_error[c] + PEEL_ERROR * peeled[c]),
+            }
         };
         (directions.par_iter().map(texel).collect(), 2 * n * REPLICATES)
     }
