@@ -376,6 +376,25 @@ fn an_output_that_cannot_be_written_leaves_nothing_half_written() {
 }
 
 #[test]
+fn an_interrupted_run_leaves_nothing_under_a_final_name() {
+    let folder = folder();
+    for milliseconds in [0, 100, 300] {
+        let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_kiln"))
+            .args(["env", "builtin:sky", "--out", "o", "--size", "128", "--samples", "16384"])
+            .current_dir(folder.path())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .expect("kiln starts");
+        std::thread::sleep(std::time::Duration::from_millis(milliseconds));
+        run.kill().expect("still running");
+        run.wait().expect("ends");
+        let finals: Vec<String> =
+            listing(folder.path()).into_iter().filter(|n| n.ends_with(".ktx2") || n.ends_with(".json")).collect();
+        assert_eq!(finals, [""; 0]);
+    }
+}
+
+#[test]
 fn listings_name_what_can_be_asked_for() {
     let folder = folder();
     for (what, part) in [

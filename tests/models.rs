@@ -153,20 +153,22 @@ fn samples_follow_their_density_by_chi_square() {
     }
 }
 
-/// The integral of the pdf over a cell, by a midpoint rule refined until narrow lobes are resolved.
+/// The integral of the pdf over a cell by the midpoint rule, fine enough for the narrowest lobe: at normal incidence and width
+/// 0.05 it is 0.01 wide in z, and the rule's error there is (0.00025/0.01)² of the cell's mass or so.
 fn mass(lobe: &dyn Lobe, wo: DVec3, cell: usize) -> f64 {
-    const FINE: usize = 48;
+    const FINE_Z: usize = 400;
+    const FINE_PHI: usize = 16;
     let (z0, p0) = ((cell / CELLS_PHI) as f64, (cell % CELLS_PHI) as f64);
     let mut sum = 0.0;
-    for i in 0..FINE {
-        for j in 0..FINE {
-            let z = (z0 + (i as f64 + 0.5) / FINE as f64) / CELLS_Z as f64;
-            let phi = (p0 + (j as f64 + 0.5) / FINE as f64) / CELLS_PHI as f64 * TAU;
+    for i in 0..FINE_Z {
+        for j in 0..FINE_PHI {
+            let z = (z0 + (i as f64 + 0.5) / FINE_Z as f64) / CELLS_Z as f64;
+            let phi = (p0 + (j as f64 + 0.5) / FINE_PHI as f64) / CELLS_PHI as f64 * TAU;
             let r = ((1.0 - z) * (1.0 + z)).sqrt();
             sum += lobe.pdf(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z));
         }
     }
-    sum * TAU / (CELLS_Z * CELLS_PHI * FINE * FINE) as f64
+    sum * TAU / (CELLS_Z * CELLS_PHI * FINE_Z * FINE_PHI) as f64
 }
 
 #[test]
