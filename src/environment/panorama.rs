@@ -103,8 +103,8 @@ impl Panorama {
         Self::new(width, height, (0..width * height).map(texel).collect())
     }
 
-    /// The panorama that a picture holds: channels `R`, `G`, `B` (or `r`, `g`, `b`) by name, or a single channel as grey;
-    /// other channels are left out.
+    /// The panorama that a picture holds: its colour, as [`Image::rgb`] finds it, or a single channel as grey; other channels are
+    /// left out.
     ///
     /// **Errors**: see [`Panorama::new`]; also when the channels are not there, or when a value is not finite and the
     /// policy is [`NonFinite::Error`].
@@ -122,7 +122,8 @@ impl Panorama {
                 "decode the whole file",
             ));
         }
-        let channels = colour_channels(&image.channels)?;
+        // One channel alone is grey, whatever its name.
+        let channels = if stride == 1 { [0; 3] } else { image.colour_channels()? };
         let mut texels: Vec<[f32; 3]> =
             image.texels.chunks_exact(stride).map(|texel| channels.map(|channel| texel[channel])).collect();
 
@@ -300,20 +301,6 @@ fn refuse_nonfinite(count: usize, mut values: impl Iterator<Item = f32>, width: 
     ))
 }
 
-fn colour_channels(names: &[String]) -> Result<[usize; 3]> {
-    if names.len() == 1 {
-        return Ok([0; 3]);
-    }
-    let find = |upper: &str| names.iter().position(|name| name.eq_ignore_ascii_case(upper));
-    match (find("R"), find("G"), find("B")) {
-        (Some(r), Some(g), Some(b)) => Ok([r, g, b]),
-        _ => Err(Error::invalid(
-            format!("picture has the channels {}, but R, G and B (or a single one) are wanted", names.join(", ")),
-            "rename its channels or choose the layer that has them",
-        )),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::test_maps::random;
@@ -339,8 +326,8 @@ mod tests {
                 .unwrap();
         assert_eq!(grey.texels()[3], [3.0; 3]);
         let error =
-            Panorama::from_image(&image(4, 2, &["X", "Y"], texels[..16].to_vec()), NonFinite::Error, Negatives::Keep);
-        assert!(error.unwrap_err().to_string().contains("channels X, Y"));
+            Panorama::from_image(&image(4, 2, &["X", "Z"], texels[..16].to_vec()), NonFinite::Error, Negatives::Keep);
+        assert!(error.unwrap_err().to_string().contains("channels X, Z"));
     }
 
     #[test]
