@@ -1,7 +1,7 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
-//! average of mip 0 ([`area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
+//! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
 //! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]).
 
