@@ -205,6 +205,17 @@ fn an_environment_has_the_asked_levels_files_and_orientation() {
 }
 
 #[test]
+fn environments_of_odd_and_tiny_sizes_bake_and_verify() {
+    let folder = folder();
+    for size in ["1", "2", "3", "5"] {
+        let arguments =
+            ["env", "builtin:sun", "--out", size, "--size", size, "--min-size", "1", "--irradiance-size", size];
+        succeed(folder.path(), &[&arguments[..], &["--samples", "256"]].concat());
+        succeed(folder.path(), &["verify", size]);
+    }
+}
+
+#[test]
 fn values_beyond_a_half_float_are_clamped_counted_and_warned_of() {
     let folder = folder();
     let arguments = ["env", "builtin:sky", "--out", "o", "--size", "64", "--roughness", "0", "--irradiance-size", "4"];
