@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// Every lobe of the crate, at widths from narrow to wide, isotropic or not.
 fn lobes() -> Vec<(String, Box<dyn Lobe>)> {
     let mut lobes: Vec<(String, Box<dyn Lobe>)> = vec![("lambert".to_owned(), Box::new(Lambert { c: 1.0 }))];
-    for smith in [Smith::Correlated, Smith::Separable] {
+    for smith in Smith::ALL {
         for (alpha_x, alpha_y) in [(0.05, 0.05), (0.3, 0.3), (1.0, 1.0), (0.1, 0.6)] {
             let name = format!("ggx {} {alpha_x} {alpha_y}", smith.name());
             lobes.push((name, Box::new(Ggx { alpha_x, alpha_y, smith })));

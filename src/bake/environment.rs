@@ -139,7 +139,13 @@ fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Ve
         let (bytes, packed) = number.pack(&rgba);
         let texels = number.unpack(&bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2]]).collect();
         report = report.merge(packed);
-        values.push(CubeLevel { name, size: cube.size, roughness: found.roughness, texels, max_error: found.max_error });
+        values.push(CubeLevel {
+            name,
+            size: cube.size,
+            roughness: found.roughness,
+            texels,
+            max_error: found.max_error,
+        });
         all.push(bytes);
     }
     (all, report, values)

@@ -182,13 +182,13 @@ impl TableValues<'_> {
         let seed = seed ^ 0xA5A5_5A5A_C3C3_3C3C;
         let settings = Settings { integrator: Integrator::MonteCarlo, seed, ..Settings::default() };
         let n = self.spec.len();
-        let texels: Vec<usize> = if full {
-            (0..n).collect()
+        let texels: Vec<usize> =
+            if full { (0..n).collect() } else { weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect() };
+        let name = if full {
+            "Monte Carlo at every texel".to_owned()
         } else {
-            weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect()
+            format!("Monte Carlo at {WITNESS_POINTS} texels")
         };
-        let name =
-            if full { "Monte Carlo at every texel".to_owned() } else { format!("Monte Carlo at {WITNESS_POINTS} texels") };
         self.compare(&name, &Integration::new(settings)?, &texels)
     }
 

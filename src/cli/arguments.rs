@@ -22,6 +22,12 @@ pub enum SmithName {
     Correlated,
     /// Masking times shadowing
     Separable,
+    /// Schlick's masking times shadowing, k = alpha/2
+    SchlickIbl,
+    /// Schlick's masking times shadowing, k = (roughness + 1)²/8
+    SchlickDirect,
+    /// The rational approximation of the correlated one
+    ApproxCorrelated,
 }
 
 impl From<SmithName> for Smith {
@@ -29,6 +35,9 @@ impl From<SmithName> for Smith {
         match name {
             SmithName::Correlated => Self::Correlated,
             SmithName::Separable => Self::Separable,
+            SmithName::SchlickIbl => Self::SchlickIbl,
+            SmithName::SchlickDirect => Self::SchlickDirect,
+            SmithName::ApproxCorrelated => Self::ApproxCorrelated,
         }
     }
 }

@@ -13,9 +13,11 @@ use std::path::{Path, PathBuf};
 
 /// Evaluate a quantity: at points of a CSV file, or at one point by both witnesses
 #[derive(Debug, Args)]
-#[command(after_help = "The CSV's header names parameters (mu, alpha or roughness; alpha = roughness²). Its columns come out \
+#[command(
+    after_help = "The CSV's header names parameters (mu, alpha or roughness; alpha = roughness²). Its columns come out \
                         again, followed by value, error and kind: `bound` (|value − truth| ≤ error) or `sigma` (one standard \
-                        error).")]
+                        error)."
+)]
 pub struct Eval {
     /// Which quantity: see `kiln list quantities`
     quantity: String,
@@ -63,8 +65,7 @@ impl Eval {
     fn one(&self, handle: Handle, model: &Model, settings: Settings, console: &Console) -> Result<()> {
         let mut point = Point::default();
         let mut given = serde_json::Map::new();
-        let flags =
-            [(Parameter::Mu, self.mu), (Parameter::Alpha, self.alpha), (Parameter::Roughness, self.roughness)];
+        let flags = [(Parameter::Mu, self.mu), (Parameter::Alpha, self.alpha), (Parameter::Roughness, self.roughness)];
         for (parameter, value) in flags {
             let Some(value) = value else { continue };
             point = point.with(parameter, value)?;
@@ -91,17 +92,26 @@ impl Eval {
                 _ => Settings { integrator, ..settings },
             };
             let Estimate { value, error, kind } = handle.evaluate(&point, model, &Integration::new(own)?)?;
-            rows.push(Row { parameters: given.clone(), integrator: integrator.name(), value, error, kind: kind.name() });
+            rows.push(Row {
+                parameters: given.clone(),
+                integrator: integrator.name(),
+                value,
+                error,
+                kind: kind.name(),
+            });
         }
         if console.json {
             return console.print_json(&rows);
         }
         let parameters: Vec<String> = given.iter().map(|(name, value)| format!("{name} {value}")).collect();
-        let mut text = format!("{} at {} ({} Smith)\n", handle.quantity.name, parameters.join(", "), model.smith.name());
+        let mut text =
+            format!("{} at {} ({} Smith)\n", handle.quantity.name, parameters.join(", "), model.smith.name());
         text += &format!("{}\n\n", handle.quantity.definition);
         let cells: Vec<Vec<String>> = rows
             .iter()
-            .map(|r| vec![r.integrator.to_owned(), format!("{:.15}", r.value), format!("{:.1e}", r.error), r.kind.to_owned()])
+            .map(|r| {
+                vec![r.integrator.to_owned(), format!("{:.15}", r.value), format!("{:.1e}", r.error), r.kind.to_owned()]
+            })
             .collect();
         text += &columns(&["witness", "value", "error", "kind"], &cells);
         if let [a, b] = &rows[..] {
@@ -145,8 +155,11 @@ fn many(handle: Handle, model: &Model, settings: Settings, path: &Path, console:
             for &(column, parameter) in &columns {
                 let text = record.get(column).unwrap_or_default();
                 let value = text.parse().map_err(|_| {
-                    Error::invalid(format!("line {line}: {parameter} {text:?} is not a number"), "give a number from 0 to 1")
-                        .in_file(path)
+                    Error::invalid(
+                        format!("line {line}: {parameter} {text:?} is not a number"),
+                        "give a number from 0 to 1",
+                    )
+                    .in_file(path)
                 })?;
                 point = point.with(parameter, value).map_err(at_line)?;
             }
@@ -174,7 +187,8 @@ fn print_points(
         return console.print_json(&records.iter().zip(estimates).map(row).collect::<Vec<_>>());
     }
     let mut writer = csv::Writer::from_writer(vec![]);
-    let failed = |e: csv::Error| Error::unsupported(format!("{} cannot be printed: {e}", handle.quantity.name), "use --json");
+    let failed =
+        |e: csv::Error| Error::unsupported(format!("{} cannot be printed: {e}", handle.quantity.name), "use --json");
     let with = |record: &csv::StringRecord, more: [String; 3]| -> Vec<String> {
         record.iter().map(str::to_owned).chain(more).collect()
     };

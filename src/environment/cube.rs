@@ -124,7 +124,10 @@ mod tests {
         for face in 0..6 {
             for (u, v) in [(0.0, 0.0), (0.3, -0.7), (-0.99, 0.98), (0.5, 0.999)] {
                 let (f, a, b) = locate(face_point(face, u, v) * 3.0);
-                assert!(f == face && (a - u).abs() < 1e-15 && (b - v).abs() < 1e-15, "{face} ({u}, {v}): {f} ({a}, {b})");
+                assert!(
+                    f == face && (a - u).abs() < 1e-15 && (b - v).abs() < 1e-15,
+                    "{face} ({u}, {v}): {f} ({a}, {b})"
+                );
             }
         }
     }

@@ -234,7 +234,8 @@ impl Lobe<'_> {
     /// |axis − l|²/2 for l at (θ, azimuth + ψ): 1 − c without cancellation.
     fn one_minus_cos(&self, sin: f64, cos: f64, psi: f64) -> f64 {
         let half = (psi / 2.0).sin();
-        ((self.horizontal - sin).powi(2) + (self.axis.y - cos).powi(2)) / 2.0 + 2.0 * self.horizontal * sin * half * half
+        ((self.horizontal - sin).powi(2) + (self.axis.y - cos).powi(2)) / 2.0
+            + 2.0 * self.horizontal * sin * half * half
     }
 
     /// θ at which the lobe's horizon crosses the meridian φ: cos θ y + sin θ h cos ψ = 0.
@@ -298,7 +299,9 @@ mod tests {
             let (y, phi) = (2.0 * s - 1.0, TAU * t);
             DVec3::new((1.0 - y * y).sqrt() * phi.cos(), y, (1.0 - y * y).sqrt() * phi.sin())
         });
-        uniform.chain([DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::NEG_X, DVec3::Z, sun, sun.any_orthogonal_vector()]).collect()
+        uniform
+            .chain([DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::NEG_X, DVec3::Z, sun, sun.any_orthogonal_vector()])
+            .collect()
     }
 
     fn centre(panorama: &Panorama, column: usize, row: usize) -> DVec3 {

@@ -279,7 +279,9 @@ fn refuse_nonfinite(count: usize, mut values: impl Iterator<Item = f32>, width: 
     let Some(first) = values.position(|v| !v.is_finite()) else { return Ok(()) };
     let (x, y, channel) = (first / 3 % width, first / 3 / width, ["red", "green", "blue"][first % 3]);
     Err(Error::invalid(
-        format!("panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"),
+        format!(
+            "panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"
+        ),
         "repair the file, or ask for zeros in their place",
     ))
 }

@@ -170,7 +170,10 @@ mod tests {
             let wanted = sampler.radiance_and_pdf(texel).1 * panorama.solid_angle(texel / 8);
             total += wanted;
             // A (0, 2)-net of 2^16 points has at most 2 · 2^8 elementary squares on the border of a rectangle's image.
-            assert!((seen - wanted).abs() < 4.0 / 256.0 * wanted.sqrt().max(1.0 / 256.0), "{texel}: {seen}, wanted {wanted}");
+            assert!(
+                (seen - wanted).abs() < 4.0 / 256.0 * wanted.sqrt().max(1.0 / 256.0),
+                "{texel}: {seen}, wanted {wanted}"
+            );
         }
         assert!((total - 1.0).abs() < 1e-6, "the density integrates to {total}"); // it is stored in f32
     }

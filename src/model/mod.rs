@@ -6,6 +6,7 @@
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
+pub mod smith;
 
 use glam::DVec3;
 

@@ -35,7 +35,12 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         summary: "cosine of the outgoing direction to the normal",
         domain: (0.0, 1.0),
     },
-    Facts { parameter: Parameter::Alpha, name: "alpha", summary: "width of the microfacet distribution", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::Alpha,
+        name: "alpha",
+        summary: "width of the microfacet distribution",
+        domain: (0.0, 1.0),
+    },
     Facts {
         parameter: Parameter::Roughness,
         name: "roughness",
@@ -104,7 +109,10 @@ impl Point {
                 format!("give {parameter} from {low} to {high}"),
             ));
         }
-        if Parameter::ALL.into_iter().any(|p| p.canonical() == parameter.canonical() && self.values[p as usize].is_some()) {
+        if Parameter::ALL
+            .into_iter()
+            .any(|p| p.canonical() == parameter.canonical() && self.values[p as usize].is_some())
+        {
             return Err(if parameter == parameter.canonical() && parameter != Parameter::Alpha {
                 Error::usage(format!("{parameter} is given twice"), "give it once")
             } else {
@@ -299,8 +307,12 @@ pub fn find(name: &str) -> Result<Handle> {
 /// A way out for a mistyped name: the likeliest ones, and where the whole list is.
 pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
     let last = name.rsplit('.').next().unwrap_or(name);
-    let near: Vec<&str> =
-        known.iter().copied().filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last))).take(5).collect();
+    let near: Vec<&str> = known
+        .iter()
+        .copied()
+        .filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last)))
+        .take(5)
+        .collect();
     if near.is_empty() { format!("see `{list}`") } else { format!("did you mean {}? see `{list}`", near.join(", ")) }
 }
 
