@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use kiln::integrate::{Integrator, Settings};
+use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
 
 /// `--integrator`, in words.
@@ -38,6 +39,27 @@ impl From<SmithName> for Smith {
             SmithName::SchlickIbl => Self::SchlickIbl,
             SmithName::SchlickDirect => Self::SchlickDirect,
             SmithName::ApproxCorrelated => Self::ApproxCorrelated,
+        }
+    }
+}
+
+/// `--visibility`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum VisibilityName {
+    /// 1/(4 (μo + μi − μo μi))
+    Neubelt,
+    /// Smith with Estevez and Kulla's fitted Λ
+    Charlie,
+    /// The same with a softer terminator
+    CharlieSoftened,
+}
+
+impl From<VisibilityName> for Visibility {
+    fn from(name: VisibilityName) -> Self {
+        match name {
+            VisibilityName::Neubelt => Self::Neubelt,
+            VisibilityName::Charlie => Self::Charlie,
+            VisibilityName::CharlieSoftened => Self::CharlieSoftened,
         }
     }
 }

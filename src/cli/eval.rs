@@ -1,6 +1,6 @@
 //! `kiln eval`: exact values of a quantity.
 
-use super::arguments::{IntegrationArgs, SmithName};
+use super::arguments::{IntegrationArgs, SmithName, VisibilityName};
 use super::console::{Console, columns};
 use clap::Args;
 use kiln::integrate::{Estimate, Integration, Integrator, Settings};
@@ -36,6 +36,9 @@ pub struct Eval {
     /// Masking and shadowing
     #[arg(long, value_enum, default_value = "correlated")]
     smith: SmithName,
+    /// Visibility term of the sheen
+    #[arg(long, value_enum, default_value = "neubelt")]
+    visibility: VisibilityName,
     #[command(flatten)]
     integration: IntegrationArgs,
 }
@@ -54,7 +57,7 @@ struct Row {
 impl Eval {
     pub fn run(&self, console: &Console) -> Result<()> {
         let handle = quantity::find(&self.quantity)?;
-        let model = Model { smith: self.smith.into() };
+        let model = Model { smith: self.smith.into(), visibility: self.visibility.into() };
         let settings = self.integration.over(Settings::default());
         match &self.points {
             Some(path) => many(handle, &model, settings, path, console),

@@ -9,7 +9,7 @@
 //! height-correlated G2); Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps" (sampling).
 
 pub use super::smith::Smith;
-use super::{Lobe, Sample};
+use super::{Lobe, Sample, on_one_side};
 use crate::math::frame::{reflect, turn};
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -67,11 +67,6 @@ impl Ggx {
     fn squeeze(&self, w: DVec3) -> DVec3 {
         DVec3::new(self.alpha_x * w.x, self.alpha_y * w.y, w.z)
     }
-}
-
-/// Both directions above the surface; one of them may graze it, which is a limit that the model has.
-fn on_one_side(wo: DVec3, wi: DVec3) -> bool {
-    wo.z >= 0.0 && wi.z >= 0.0 && wo.z + wi.z > 0.0
 }
 
 impl Lobe for Ggx {

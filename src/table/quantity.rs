@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::integrate::{Estimate, Integration};
 use crate::model::alpha_of_roughness;
+use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -154,6 +155,8 @@ impl Point {
 pub struct Model {
     /// Masking and shadowing.
     pub smith: Smith,
+    /// The visibility term of the sheen.
+    pub visibility: Visibility,
 }
 
 /// A function of physical parameters.
@@ -214,7 +217,15 @@ pub struct Identity {
 }
 
 /// Every family.
-pub static FAMILIES: &[&dyn Family] = &[&super::ggx::Split, &super::ggx::Average, &super::lambert::Lambertian];
+pub static FAMILIES: &[&dyn Family] = &[
+    &super::ggx::Split,
+    &super::ggx::Average,
+    &super::beckmann::Split,
+    &super::beckmann::Average,
+    &super::charlie::Directional,
+    &super::charlie::Average,
+    &super::lambert::Lambertian,
+];
 
 /// Every quantity with its family and its place in it.
 pub fn all() -> impl Iterator<Item = Handle> {

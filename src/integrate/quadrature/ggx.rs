@@ -18,7 +18,7 @@
 //!
 //! With F = 1 the azimuth integral is closed form. Derived here; checked against the closed forms at alpha = 1 and against Monte Carlo.
 
-use super::{Sum, climb};
+use super::{Rung, Sum, climb};
 use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
 use crate::math::quadrature::{GradedRules, Rule};
@@ -35,17 +35,17 @@ pub fn ggx_reflection<const K: usize>(
     tolerance: f64,
     fresnel: impl Fn(f64) -> [f64; K],
 ) -> [Estimate; K] {
-    climb(tolerance, |rules| over_elevation(mu, alpha, smith, rules, |at| azimuth(&at, rules, &fresnel)))
+    climb(tolerance, |Rung { rules, .. }| over_elevation(mu, alpha, smith, rules, |at| azimuth(&at, rules, &fresnel)))
 }
 
 /// The same with F = 1: the directional albedo, whose azimuth integral is closed form.
 pub fn ggx_albedo(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    climb(tolerance, |rules| albedo_on(mu, alpha, smith, rules))[0]
+    climb(tolerance, |Rung { rules, .. }| albedo_on(mu, alpha, smith, rules))[0]
 }
 
 /// 2 ∫ E(mu) mu dmu: the average albedo.
 pub fn ggx_albedo_average(alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    climb(tolerance, |rules| {
+    climb(tolerance, |Rung { rules, .. }| {
         // E has its dip near mu = alpha and is not analytic at the horizon; mu itself is the smooth variable at normal incidence.
         let rule = rules.at_scale(AVERAGE_SCALE * alpha);
         let average = 2.0 * rule.integrate(|mu| mu * albedo_on(mu, alpha, smith, rules).values[0]);

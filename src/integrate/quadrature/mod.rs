@@ -1,7 +1,11 @@
 //! The deterministic road: one file per kind of integrand, and the ladder of rules that all of them climb.
 
+mod beckmann;
+mod charlie;
 mod ggx;
 
+pub use beckmann::{beckmann_albedo_average, beckmann_reflection};
+pub use charlie::{charlie_albedo, charlie_albedo_average};
 pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection};
 
 use super::Estimate;
@@ -10,12 +14,20 @@ use std::sync::LazyLock;
 
 /// A rule of the ladder: the accuracy e^(−digits) at which an integral is computed.
 struct Rung {
+    /// For integrands that are analytic in the whole strip that a graded rule assumes.
     rules: GradedRules,
+    /// For Gaussians and their like, which grow beyond the middle half of that strip: twice the digits make up for half the strip.
+    doubled: GradedRules,
 }
 
 /// Accuracies, coarse to fine: each is computed when first used.
-static LADDER: LazyLock<Vec<Rung>> =
-    LazyLock::new(|| [9.0, 14.0, 19.0, 25.0, 32.0, 40.0, 50.0].map(|d| Rung { rules: GradedRules::new(d) }).into());
+static LADDER: LazyLock<Vec<Rung>> = LazyLock::new(|| [9.0, 14.0, 19.0, 25.0, 32.0, 40.0, 50.0].map(Rung::new).into());
+
+impl Rung {
+    fn new(digits: f64) -> Self {
+        Self { rules: GradedRules::new(digits), doubled: GradedRules::new(2.0 * digits) }
+    }
+}
 
 /// The rung from which to start for a tolerance; the next one confirms it.
 fn first_rung(tolerance: f64) -> usize {
@@ -27,12 +39,12 @@ fn first_rung(tolerance: f64) -> usize {
 /// Climbs the ladder until two neighbouring rungs agree to `tolerance`: the finer value, with their difference as its bound.
 ///
 /// Convergence is geometric, so the finer value is far better than the difference; rounding adds its own floor.
-fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&GradedRules) -> Sum<K>) -> [Estimate; K] {
+fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
     let first = first_rung(tolerance);
-    let mut coarse = integral(&LADDER[first].rules).values;
+    let mut coarse = integral(&LADDER[first]).values;
     let mut best = coarse.map(|v| Estimate::bound(v, f64::INFINITY));
     for rung in &LADDER[first + 1..] {
-        let Sum { values: fine, defect } = integral(&rung.rules);
+        let Sum { values: fine, defect } = integral(rung);
         // One component may agree by chance: the largest difference speaks for all.
         let difference = (0..K).map(|k| (fine[k] - coarse[k]).abs()).fold(0.0, f64::max);
         let error = SAFETY * (difference + defect + PROMISE * (-rung.rules.digits()).exp());
