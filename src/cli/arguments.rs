@@ -27,6 +27,8 @@ pub enum SmithName {
     SchlickIbl,
     /// Schlick's masking times shadowing, k = (roughness + 1)²/8
     SchlickDirect,
+    /// Height-correlated; light that goes through takes B(1 + Λo, 1 + Λt)
+    Beta,
     /// The rational approximation of the correlated one
     ApproxCorrelated,
 }
@@ -38,6 +40,7 @@ impl From<SmithName> for Smith {
             SmithName::Separable => Self::Separable,
             SmithName::SchlickIbl => Self::SchlickIbl,
             SmithName::SchlickDirect => Self::SchlickDirect,
+            SmithName::Beta => Self::Beta,
             SmithName::ApproxCorrelated => Self::ApproxCorrelated,
         }
     }

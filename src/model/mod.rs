@@ -5,6 +5,7 @@
 
 pub mod beckmann;
 pub mod charlie;
+pub mod dielectric;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;

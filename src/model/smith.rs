@@ -26,12 +26,14 @@ pub enum Smith {
     SchlickIbl,
     /// Separable with Schlick's G1, k = (roughness + 1)²/8, which engines use under lamps.
     SchlickDirect,
+    /// Height-correlated; light that goes through takes B(1 + Λ(wo), 1 + Λ(wt)), since it leaves on the other side of the heights.
+    Beta,
     /// The rational approximation G2 = 2 μo μi/((1 − α) 2 μo μi + α (μo + μi)) of the correlated one.
     ApproxCorrelated,
 }
 
 impl Smith {
-    /// Every kind, in the order in which they are listed to a user.
+    /// Every kind that differs for reflection: [`Self::Beta`] is then [`Self::Correlated`].
     pub const ALL: [Self; 5] =
         [Self::Correlated, Self::Separable, Self::SchlickIbl, Self::SchlickDirect, Self::ApproxCorrelated];
 
@@ -42,6 +44,7 @@ impl Smith {
             Self::Separable => "separable",
             Self::SchlickIbl => "schlick-ibl",
             Self::SchlickDirect => "schlick-direct",
+            Self::Beta => "beta",
             Self::ApproxCorrelated => "approx-correlated",
         }
     }
@@ -49,13 +52,29 @@ impl Smith {
     /// V = G2/(4 μo μi) from the width and the cosines and ℓ of both directions, in cancelled form.
     pub fn visibility(self, alpha: f64, (mu_o, l_o): (f64, f64), (mu_i, l_i): (f64, f64)) -> f64 {
         match self {
-            Self::Correlated => 0.5 / (mu_o * l_i + mu_i * l_o),
+            Self::Correlated | Self::Beta => 0.5 / (mu_o * l_i + mu_i * l_o),
             Self::Separable => 1.0 / ((mu_o + l_o) * (mu_i + l_i)),
             Self::SchlickIbl | Self::SchlickDirect => {
                 let k = self.schlick_k(alpha);
                 0.25 / ((mu_o * (1.0 - k) + k) * (mu_i * (1.0 - k) + k))
             }
             Self::ApproxCorrelated => 0.5 / ((1.0 - alpha) * 2.0 * mu_o * mu_i + alpha * (mu_o + mu_i)),
+        }
+    }
+
+    /// G2/μo of light that goes through to the cosine `mu_t` > 0 on the other side, from the cosines and ℓ, in cancelled form;
+    /// `None` for the approximations, which are made for reflection.
+    pub fn through(self, (mu_o, l_o): (f64, f64), (mu_t, l_t): (f64, f64)) -> Option<f64> {
+        match self {
+            Self::Correlated => Some(2.0 * mu_t / (mu_t * l_o + mu_o * l_t)),
+            Self::Separable => Some(4.0 * mu_t / ((mu_o + l_o) * (mu_t + l_t))),
+            Self::Beta if mu_o == 0.0 || mu_t == 0.0 => Some(0.0), // Λ is infinite
+            Self::Beta => {
+                // 1 + Λ = (μ + ℓ)/2μ
+                let (a, b) = (0.5 * (mu_o + l_o) / mu_o, 0.5 * (mu_t + l_t) / mu_t);
+                Some((libm::lgamma(a) + libm::lgamma(b) - libm::lgamma(a + b)).exp() / mu_o)
+            }
+            Self::SchlickIbl | Self::SchlickDirect | Self::ApproxCorrelated => None,
         }
     }
 
@@ -82,7 +101,7 @@ impl Smith {
     /// (at most; infinite where it is as smooth as ℓ).
     pub fn pole_below_horizon(self, alpha: f64, mu_o: f64) -> f64 {
         let mu = match self {
-            Self::Correlated | Self::Separable => return f64::INFINITY,
+            Self::Correlated | Self::Separable | Self::Beta => return f64::INFINITY,
             Self::SchlickIbl | Self::SchlickDirect => {
                 let k = self.schlick_k(alpha);
                 k / (1.0 - k)

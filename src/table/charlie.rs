@@ -1,8 +1,8 @@
 //! The albedo of sheen, which real-time renderers scale the layer below it by.
 //!
 //! The limits are values where they exist: as alpha → 0 the fibres stand upright and reflect nothing from any direction above
-//! the horizon. At the horizon itself the albedo grows without bound as alpha → 0, and the fitted Λ, being finite there, lets
-//! it diverge at every alpha: those points are errors.
+//! the horizon. At the horizon itself the albedo grows without bound as alpha → 0; where both are 0 the upright fibres are taken.
+//! The fitted Λ, being finite at the horizon, lets the albedo diverge there at every alpha: those points are errors.
 
 use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
 use crate::error::{Error, Result};
@@ -30,10 +30,10 @@ static DIRECTIONAL: [Quantity; 1] = [Quantity {
 
 /// The albedo where the width is 0 or the direction grazes, if it has one there.
 fn limit(mu: f64, alpha: f64, visibility: Visibility) -> Result<Option<f64>> {
-    if mu == 0.0 && (alpha == 0.0 || visibility != Visibility::Neubelt) {
+    if mu == 0.0 && visibility != Visibility::Neubelt {
         return Err(Error::unsupported(
             format!("charlie.albedo diverges at mu 0, alpha {alpha} with {} visibility", visibility.name()),
-            "use a mu above 0, such as texel centres, or --visibility neubelt with an alpha above 0",
+            "use a mu above 0, such as texel centres, or --visibility neubelt",
         ));
     }
     Ok((alpha == 0.0).then_some(0.0))

@@ -125,8 +125,8 @@ impl Family for Split {
         let mut known = vec![];
         if alpha == 1.0 {
             let value = match model.smith {
-                Smith::Correlated | Smith::ApproxCorrelated if mu == 0.0 => 1.0,
-                Smith::Correlated | Smith::ApproxCorrelated => 1.0 - mu * (1.0 / mu).ln_1p(),
+                Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated if mu == 0.0 => 1.0,
+                Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated => 1.0 - mu * (1.0 / mu).ln_1p(),
                 Smith::Separable | Smith::SchlickIbl | Smith::SchlickDirect => 2.0 * (1.0 - LN_2) / (1.0 + mu),
             };
             known.push(Identity { quantity: 2, value, slack: 0.0, fact: "closed form of E at alpha = 1" });
@@ -137,7 +137,8 @@ impl Family for Split {
                 known.push(Identity { quantity, value, slack, fact: "perfect mirror as alpha → 0" });
             }
         }
-        if mu == 0.0 && alpha > 0.0 && matches!(model.smith, Smith::Correlated | Smith::ApproxCorrelated) {
+        if mu == 0.0 && alpha > 0.0 && matches!(model.smith, Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated)
+        {
             known.push(Identity {
                 quantity: 2, value: 1.0, slack: 0.0, fact: "E → 1 as mu → 0 with correlated Smith"
             });
@@ -156,7 +157,7 @@ const MIRROR_RATIO: f64 = 0.01;
 fn mirror_slack(alpha: f64, mu: f64, smith: Smith) -> f64 {
     let ratio = alpha / mu.max(f64::MIN_POSITIVE);
     match smith {
-        Smith::Correlated | Smith::Separable => 0.5 * ratio,
+        Smith::Correlated | Smith::Beta | Smith::Separable => 0.5 * ratio,
         Smith::SchlickIbl | Smith::ApproxCorrelated => 1.5 * ratio,
         Smith::SchlickDirect => 0.5 * ratio + alpha.sqrt(),
     }
@@ -221,7 +222,7 @@ impl Family for Average {
         let known = |value, fact| vec![Identity { quantity: 0, value, slack: 0.0, fact }];
         if alpha == 1.0 {
             let value = match model.smith {
-                Smith::Correlated | Smith::ApproxCorrelated => 4.0 / 3.0 * (1.0 - LN_2),
+                Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated => 4.0 / 3.0 * (1.0 - LN_2),
                 Smith::Separable | Smith::SchlickIbl | Smith::SchlickDirect => 4.0 * (1.0 - LN_2).powi(2),
             };
             return known(value, "closed form of E_avg at alpha = 1");

@@ -18,6 +18,8 @@ pub enum Parameter {
     Alpha,
     /// The artist's value: alpha = roughness².
     Roughness,
+    /// Relative index of refraction.
+    Eta,
 }
 
 /// What is known of a parameter: one row each.
@@ -48,11 +50,17 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         summary: "the artist's value; alpha = roughness²",
         domain: (0.0, 1.0),
     },
+    Facts {
+        parameter: Parameter::Eta,
+        name: "eta",
+        summary: "relative index of refraction n_t/n_i: below 1 from the denser side",
+        domain: (0.25, 4.0),
+    },
 ];
 
 impl Parameter {
     /// Every parameter.
-    pub const ALL: [Self; 3] = [Self::Mu, Self::Alpha, Self::Roughness];
+    pub const ALL: [Self; 4] = [Self::Mu, Self::Alpha, Self::Roughness, Self::Eta];
 
     fn facts(self) -> &'static Facts {
         let facts = &FACTS[self as usize];
@@ -224,6 +232,8 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::beckmann::Average,
     &super::charlie::Directional,
     &super::charlie::Average,
+    &super::dielectric::Directional,
+    &super::dielectric::Average,
     &super::lambert::Lambertian,
 ];
 
