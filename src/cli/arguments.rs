@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use kiln::integrate::{Integrator, Settings};
+use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
 
 /// `--integrator`, in words.
@@ -22,6 +23,14 @@ pub enum SmithName {
     Correlated,
     /// Masking times shadowing
     Separable,
+    /// Schlick's masking times shadowing, k = alpha/2
+    SchlickIbl,
+    /// Schlick's masking times shadowing, k = (roughness + 1)²/8
+    SchlickDirect,
+    /// Height-correlated; light that goes through takes B(1 + Λo, 1 + Λt)
+    Beta,
+    /// The rational approximation of the correlated one
+    ApproxCorrelated,
 }
 
 impl From<SmithName> for Smith {
@@ -29,6 +38,31 @@ impl From<SmithName> for Smith {
         match name {
             SmithName::Correlated => Self::Correlated,
             SmithName::Separable => Self::Separable,
+            SmithName::SchlickIbl => Self::SchlickIbl,
+            SmithName::SchlickDirect => Self::SchlickDirect,
+            SmithName::Beta => Self::Beta,
+            SmithName::ApproxCorrelated => Self::ApproxCorrelated,
+        }
+    }
+}
+
+/// `--visibility`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum VisibilityName {
+    /// 1/(4 (μo + μi − μo μi))
+    Neubelt,
+    /// Smith with Estevez and Kulla's fitted Λ
+    Charlie,
+    /// The same with a softer terminator
+    CharlieSoftened,
+}
+
+impl From<VisibilityName> for Visibility {
+    fn from(name: VisibilityName) -> Self {
+        match name {
+            VisibilityName::Neubelt => Self::Neubelt,
+            VisibilityName::Charlie => Self::Charlie,
+            VisibilityName::CharlieSoftened => Self::CharlieSoftened,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `kiln eval`: exact values of a quantity.
 
-use super::arguments::{IntegrationArgs, SmithName};
+use super::arguments::{IntegrationArgs, SmithName, VisibilityName};
 use super::console::{Console, columns};
 use clap::Args;
 use kiln::integrate::{Estimate, Integration, Integrator, Settings};
@@ -22,7 +22,7 @@ pub struct Eval {
     /// Which quantity: see `kiln list quantities`
     quantity: String,
     /// CSV file of points
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["mu", "alpha", "roughness"])]
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["mu", "alpha", "roughness", "eta"])]
     points: Option<PathBuf>,
     /// Cosine of the outgoing direction to the normal, in [0, 1]
     #[arg(long)]
@@ -33,9 +33,15 @@ pub struct Eval {
     /// The artist's value, in [0, 1]; alpha = roughness²
     #[arg(long)]
     roughness: Option<f64>,
+    /// Relative index of refraction n_t/n_i, in [0.25, 4]
+    #[arg(long)]
+    eta: Option<f64>,
     /// Masking and shadowing
     #[arg(long, value_enum, default_value = "correlated")]
     smith: SmithName,
+    /// Visibility term of the sheen
+    #[arg(long, value_enum, default_value = "neubelt")]
+    visibility: VisibilityName,
     #[command(flatten)]
     integration: IntegrationArgs,
 }
@@ -54,7 +60,7 @@ struct Row {
 impl Eval {
     pub fn run(&self, console: &Console) -> Result<()> {
         let handle = quantity::find(&self.quantity)?;
-        let model = Model { smith: self.smith.into() };
+        let model = Model { smith: self.smith.into(), visibility: self.visibility.into() };
         let settings = self.integration.over(Settings::default());
         match &self.points {
             Some(path) => many(handle, &model, settings, path, console),
@@ -65,7 +71,12 @@ impl Eval {
     fn one(&self, handle: Handle, model: &Model, settings: Settings, console: &Console) -> Result<()> {
         let mut point = Point::default();
         let mut given = serde_json::Map::new();
-        let flags = [(Parameter::Mu, self.mu), (Parameter::Alpha, self.alpha), (Parameter::Roughness, self.roughness)];
+        let flags = [
+            (Parameter::Mu, self.mu),
+            (Parameter::Alpha, self.alpha),
+            (Parameter::Roughness, self.roughness),
+            (Parameter::Eta, self.eta),
+        ];
         for (parameter, value) in flags {
             let Some(value) = value else { continue };
             point = point.with(parameter, value)?;

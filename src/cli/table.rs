@@ -1,6 +1,6 @@
 //! `kiln table`: one table.
 
-use super::arguments::{IntegrationArgs, SmithName};
+use super::arguments::{IntegrationArgs, SmithName, VisibilityName};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
@@ -37,6 +37,9 @@ pub struct Table {
     /// Masking and shadowing
     #[arg(long, value_enum, default_value = "correlated")]
     smith: SmithName,
+    /// Visibility term of the sheen
+    #[arg(long, value_enum, default_value = "neubelt")]
+    visibility: VisibilityName,
     #[command(flatten)]
     integration: IntegrationArgs,
 }
@@ -60,6 +63,7 @@ impl Table {
         }
         recipe.axes = self.axes(&recipe.axes)?;
         recipe.model.smith = self.smith.into();
+        recipe.model.visibility = self.visibility.into();
         recipe.integration = self.integration.over(recipe.integration);
         let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
             Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")

@@ -8,40 +8,11 @@
 //! Heitz 2014, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", eq. 98–99 (separable and
 //! height-correlated G2); Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps" (sampling).
 
-use super::{Lobe, Sample};
+pub use super::smith::Smith;
+use super::{Lobe, Sample, on_one_side};
 use crate::math::frame::{reflect, turn};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_1_PI, TAU};
-
-/// How masking and shadowing combine into G2.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Smith {
-    /// Height-correlated: G2 = 1/(1 + Λ(wo) + Λ(wi)).
-    #[default]
-    Correlated,
-    /// Separable: G2 = G1(wo) G1(wi).
-    Separable,
-}
-
-impl Smith {
-    /// The name that a user writes.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Correlated => "correlated",
-            Self::Separable => "separable",
-        }
-    }
-
-    /// V = G2/(4 μo μi) from the cosines and ℓ of both directions, in cancelled form.
-    pub fn visibility(self, mu_o: f64, l_o: f64, mu_i: f64, l_i: f64) -> f64 {
-        match self {
-            Self::Correlated => 0.5 / (mu_o * l_i + mu_i * l_o),
-            Self::Separable => 1.0 / ((mu_o + l_o) * (mu_i + l_i)),
-        }
-    }
-}
 
 /// The lobe D G2/(4 cosθ_o cosθ_i), without Fresnel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,32 +37,9 @@ impl Ggx {
         FRAC_1_PI / (self.alpha_x * self.alpha_y * stretched.length_squared().powi(2))
     }
 
-    /// ℓ(w): the length of `w` squeezed by the widths.
-    fn l(&self, w: DVec3) -> f64 {
-        self.squeeze(w).length()
-    }
-
-    fn squeeze(&self, w: DVec3) -> DVec3 {
-        DVec3::new(self.alpha_x * w.x, self.alpha_y * w.y, w.z)
-    }
-}
-
-/// Both directions above the surface; one of them may graze it, which is a limit that the model has.
-fn on_one_side(wo: DVec3, wi: DVec3) -> bool {
-    wo.z >= 0.0 && wi.z >= 0.0 && wo.z + wi.z > 0.0
-}
-
-impl Lobe for Ggx {
-    fn f(&self, wo: DVec3, wi: DVec3) -> f64 {
-        if !on_one_side(wo, wi) {
-            return 0.0;
-        }
-        let m = (wo + wi).normalize();
-        self.d(m) * self.smith.visibility(wo.z, self.l(wo), wi.z, self.l(wi))
-    }
-
-    /// Draws a visible microfacet normal: the sum of the squeezed `wo` and a point of the spherical cap that it can see.
-    fn sample(&self, wo: DVec3, u: [f64; 2]) -> Option<Sample> {
+    /// Draws a visible microfacet normal, of density G1(wo) D(m) (wo·m)/cosθ_o: the sum of the squeezed `wo` and a point of the
+    /// spherical cap that it can see. `None` below the horizon, or where rounding leaves no direction.
+    pub fn sample_visible_normal(&self, wo: DVec3, u: [f64; 2]) -> Option<DVec3> {
         if wo.z < 0.0 {
             return None;
         }
@@ -103,14 +51,41 @@ impl Lobe for Ggx {
         let r = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt(); // z ≥ −1 up to one rounding
         let (sin_phi, cos_phi) = (TAU * u[0]).sin_cos();
         // Their half-vector is the normal of the hemisphere; stretch it back.
-        let m = self.squeeze(DVec3::new(r * cos_phi + o.x, r * sin_phi + o.y, height));
-        let m = m.try_normalize()?;
+        self.squeeze(DVec3::new(r * cos_phi + o.x, r * sin_phi + o.y, height)).try_normalize()
+    }
+
+    /// ℓ(w): the length of `w` squeezed by the widths.
+    pub fn l(&self, w: DVec3) -> f64 {
+        self.squeeze(w).length()
+    }
+
+    /// V from the cosine and ℓ of both directions; approximations that know one width only take the geometric mean.
+    fn visibility(&self, o: (f64, f64), i: (f64, f64)) -> f64 {
+        self.smith.visibility((self.alpha_x * self.alpha_y).sqrt(), o, i)
+    }
+
+    fn squeeze(&self, w: DVec3) -> DVec3 {
+        DVec3::new(self.alpha_x * w.x, self.alpha_y * w.y, w.z)
+    }
+}
+
+impl Lobe for Ggx {
+    fn f(&self, wo: DVec3, wi: DVec3) -> f64 {
+        if !on_one_side(wo, wi) {
+            return 0.0;
+        }
+        let m = (wo + wi).normalize();
+        self.d(m) * self.visibility((wo.z, self.l(wo)), (wi.z, self.l(wi)))
+    }
+
+    fn sample(&self, wo: DVec3, u: [f64; 2]) -> Option<Sample> {
+        let m = self.sample_visible_normal(wo, u)?;
         let wi = reflect(wo, m);
         if wi.z <= 0.0 {
             return None;
         }
         let (l_o, l_i) = (self.l(wo), self.l(wi));
-        let weight = 2.0 * (wo.z + l_o) * wi.z * self.smith.visibility(wo.z, l_o, wi.z, l_i);
+        let weight = 2.0 * (wo.z + l_o) * wi.z * self.visibility((wo.z, l_o), (wi.z, l_i));
         Some(Sample { wi, pdf: self.d(m) / (2.0 * (wo.z + l_o)), weight })
     }
 

@@ -3,9 +3,13 @@
 //! Every lobe keeps the protocol of three: [`Lobe::f`], [`Lobe::sample`], [`Lobe::pdf`], and [`Lobe::invert`] undoes the
 //! sampling. Directions are unit, point away from the surface, and live in the local frame whose normal is +z.
 
+pub mod beckmann;
+pub mod charlie;
+pub mod dielectric;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
+pub mod smith;
 
 use glam::DVec3;
 
@@ -38,4 +42,9 @@ pub trait Lobe: Sync {
 
     /// The point of the unit square that [`Lobe::sample`] takes to `wi`.
     fn invert(&self, wo: DVec3, wi: DVec3) -> [f64; 2];
+}
+
+/// Both directions above the surface; one of them may graze it, which is a limit that the model has.
+fn on_one_side(wo: DVec3, wi: DVec3) -> bool {
+    wo.z >= 0.0 && wi.z >= 0.0 && wo.z + wi.z > 0.0
 }

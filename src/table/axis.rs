@@ -55,12 +55,13 @@ impl Axis {
             Sampling::Centre => (i as f64 + 0.5) / n,
             Sampling::Edge => i as f64 / (n - 1.0),
         };
-        self.warp.inverse(if self.flip { 1.0 - t } else { t })
+        self.parameter_at(if self.flip { 1.0 - t } else { t })
     }
 
     /// Where the parameter `x` lies, in texels: the inverse of [`Axis::value`], between and beyond texels too.
     pub fn position(&self, x: f64) -> f64 {
-        let t = self.warp.forward(x);
+        let (low, high) = self.parameter.domain();
+        let t = self.warp.forward((x - low) / (high - low));
         let t = if self.flip { 1.0 - t } else { t };
         let n = self.size as f64;
         match self.sampling {
@@ -69,7 +70,7 @@ impl Axis {
         }
     }
 
-    /// The parameter at a position in texels; beyond the outermost texels as far as the domain [0, 1] goes.
+    /// The parameter at a position in texels; beyond the outermost texels as far as the domain goes.
     pub fn value_at_position(&self, position: f64) -> f64 {
         let n = self.size as f64;
         let t = match self.sampling {
@@ -77,7 +78,13 @@ impl Axis {
             Sampling::Edge => position / (n - 1.0),
         };
         let t = if self.flip { 1.0 - t } else { t };
-        self.warp.inverse(t.clamp(0.0, 1.0)) // a position half a texel outside is the end of the domain
+        self.parameter_at(t.clamp(0.0, 1.0)) // a position half a texel outside is the end of the domain
+    }
+
+    /// The parameter at the warped coordinate `t`: the warp acts on the part of the parameter's domain.
+    fn parameter_at(&self, t: f64) -> f64 {
+        let (low, high) = self.parameter.domain();
+        low + (high - low) * self.warp.inverse(t)
     }
 
     /// Whether the axis can be baked.

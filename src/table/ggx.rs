@@ -24,11 +24,14 @@ const KARIS: &str =
     "Karis 2013, \"Real Shading in Unreal Engine 4\" (the split); Walter et al. 2007 and Heitz 2014 (the lobe)";
 const KULLA_CONTY: &str = "Kulla and Conty 2017, \"Revisiting Physically Based Shading at Imageworks\"";
 
-/// `ggx.scale`, `ggx.bias` and `ggx.albedo`.
+const F82: &str =
+    "the F82 tint takes a multiple of x (1 − x)⁶ from Schlick's reflectance; integrated like this by Blender's EEVEE";
+
+/// `ggx.scale`, `ggx.bias`, `ggx.albedo` and `ggx.f82`.
 #[derive(Debug)]
 pub struct Split;
 
-static SPLIT: [Quantity; 3] = [
+static SPLIT: [Quantity; 4] = [
     Quantity {
         name: "ggx.scale",
         summary: "split-sum scale: what multiplies F0 in the reflectance of GGX under a uniform environment",
@@ -53,12 +56,35 @@ static SPLIT: [Quantity; 3] = [
         parameters: &[Parameter::Mu, Parameter::Alpha],
         bounds: (0.0, 1.0),
     },
+    Quantity {
+        name: "ggx.f82",
+        summary: "what the tint at 82° takes from the reflectance, per unit of its coefficient",
+        definition: "∫ (wo·h) (1 − wo·h)⁶ D G2 / (4 μo) dωi",
+        source: F82,
+        parameters: &[Parameter::Mu, Parameter::Alpha],
+        bounds: (0.0, MOST_F82),
+    },
 ];
 
-/// The part that Fc takes of what the perfect mirror reflects: scale 1 − Fc, bias Fc, albedo 1.
-fn mirror(mu: f64) -> [f64; 3] {
+/// x (1 − x)⁶, the shape of the dip that the F82 model takes from Schlick's reflectance.
+fn f82_weight(mu: f64) -> f64 {
+    let x = 1.0 - mu;
+    let x2 = x * x;
+    mu * x2 * x2 * x2
+}
+
+/// The largest value of x (1 − x)⁶, at x = 1/7: 6⁶/7⁷.
+const MOST_F82: f64 = 46656.0 / 823_543.0;
+
+/// The Fresnel factors of the four quantities.
+fn factors(mu: f64) -> [f64; 4] {
     let fc = schlick_weight(mu);
-    [1.0 - fc, fc, 1.0]
+    [1.0 - fc, fc, 1.0, f82_weight(mu)]
+}
+
+/// What a perfectly smooth surface reflects.
+fn mirror(mu: f64, smith: Smith) -> [f64; 4] {
+    factors(mu).map(|factor| factor * smith.mirror(mu))
 }
 
 impl Family for Split {
@@ -69,26 +95,26 @@ impl Family for Split {
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
         let (mu, alpha) = (at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?);
         if alpha == 0.0 {
-            return Ok(mirror(mu).map(|v| Estimate::bound(v, f64::EPSILON)).into());
+            return Ok(mirror(mu, model.smith).map(|v| Estimate::bound(v, f64::EPSILON)).into());
         }
-        let [scale, bias] = quadrature::ggx_reflection(mu, alpha, model.smith, tolerance, |cosine| {
+        let [scale, bias, f82] = quadrature::ggx_reflection(mu, alpha, model.smith, tolerance, |cosine| {
             let fc = schlick_weight(cosine);
-            [1.0 - fc, fc]
+            [1.0 - fc, fc, f82_weight(cosine)]
         });
-        Ok(vec![scale, bias, quadrature::ggx_albedo(mu, alpha, model.smith, tolerance)])
+        Ok(vec![scale, bias, quadrature::ggx_albedo(mu, alpha, model.smith, tolerance), f82])
     }
 
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
         let (mu, alpha) = (at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?);
         if alpha == 0.0 {
-            return Ok(mirror(mu).map(|v| Estimate::sigma(v, 0.0)).into());
+            return Ok(mirror(mu, model.smith).map(|v| Estimate::sigma(v, 0.0)).into());
         }
         let (lobe, wo) = (Ggx::isotropic(alpha, model.smith), direction_with_cosine(mu));
         let (estimates, _) = integration.points2.integrate(integration.stop(), |[u, t]| {
             let (v, stretch) = defensive_tail(t, TAIL * alpha * alpha);
-            lobe.sample(wo, [u, v]).map_or([0.0; 3], |s| {
-                let fc = schlick_weight((0.5 * (wo + s.wi).length()).min(1.0)); // at most 1 but for rounding
-                [1.0 - fc, fc, 1.0].map(|fresnel| fresnel * s.weight * stretch)
+            lobe.sample(wo, [u, v]).map_or([0.0; 4], |s| {
+                let cosine = (0.5 * (wo + s.wi).length()).min(1.0); // at most 1 but for rounding
+                factors(cosine).map(|factor| factor * s.weight * stretch)
             })
         });
         Ok(estimates.into())
@@ -99,19 +125,20 @@ impl Family for Split {
         let mut known = vec![];
         if alpha == 1.0 {
             let value = match model.smith {
-                Smith::Correlated if mu == 0.0 => 1.0,
-                Smith::Correlated => 1.0 - mu * (1.0 / mu).ln_1p(),
-                Smith::Separable => 2.0 * (1.0 - LN_2) / (1.0 + mu),
+                Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated if mu == 0.0 => 1.0,
+                Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated => 1.0 - mu * (1.0 / mu).ln_1p(),
+                Smith::Separable | Smith::SchlickIbl | Smith::SchlickDirect => 2.0 * (1.0 - LN_2) / (1.0 + mu),
             };
             known.push(Identity { quantity: 2, value, slack: 0.0, fact: "closed form of E at alpha = 1" });
         }
         if alpha <= mu * MIRROR_RATIO {
-            for (quantity, value) in mirror(mu).into_iter().enumerate() {
-                let slack = MIRROR_SLACK * alpha / mu.max(f64::MIN_POSITIVE);
+            for (quantity, value) in mirror(mu, model.smith).into_iter().enumerate() {
+                let slack = mirror_slack(alpha, mu, model.smith);
                 known.push(Identity { quantity, value, slack, fact: "perfect mirror as alpha → 0" });
             }
         }
-        if mu == 0.0 && alpha > 0.0 && model.smith == Smith::Correlated {
+        if mu == 0.0 && alpha > 0.0 && matches!(model.smith, Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated)
+        {
             known.push(Identity {
                 quantity: 2, value: 1.0, slack: 0.0, fact: "E → 1 as mu → 0 with correlated Smith"
             });
@@ -125,9 +152,16 @@ const TAIL: f64 = 0.01;
 
 /// The mirror limit is a fact where alpha is at most this part of mu …
 const MIRROR_RATIO: f64 = 0.01;
-/// … and there each quantity is within this multiple of alpha/mu of the mirror's.
-/// Measured over that whole region; a test scans it.
-const MIRROR_SLACK: f64 = 0.5;
+/// … and there each quantity is within this of the mirror's: measured for the exact G2 over that whole region (a test scans it),
+/// to which the approximate ones add the slope of their k.
+fn mirror_slack(alpha: f64, mu: f64, smith: Smith) -> f64 {
+    let ratio = alpha / mu.max(f64::MIN_POSITIVE);
+    match smith {
+        Smith::Correlated | Smith::Beta | Smith::Separable => 0.5 * ratio,
+        Smith::SchlickIbl | Smith::ApproxCorrelated => 1.5 * ratio,
+        Smith::SchlickDirect => 0.5 * ratio + alpha.sqrt(),
+    }
+}
 
 /// `ggx.albedo_avg`.
 #[derive(Debug)]
@@ -142,6 +176,19 @@ static AVERAGE: [Quantity; 1] = [Quantity {
     bounds: (0.0, 1.0),
 }];
 
+/// The average of what a perfectly smooth surface reflects.
+///
+/// For Schlick's G1² = μ²/(7μ/8 + 1/8)² that is 128 ∫ μ³/(7μ + 1)² dμ, which x = 7μ + 1 turns into powers of x.
+fn mirror_average(smith: Smith) -> f64 {
+    match smith {
+        Smith::SchlickDirect => 128.0 / 2401.0 * (63.0 / 2.0 - 21.0 + 3.0 * 8.0_f64.ln() - 7.0 / 8.0),
+        _ => 1.0,
+    }
+}
+
+/// Rounding error of the closed form above, whose terms are below 2.
+const MIRROR_ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 impl Family for Average {
     fn quantities(&self) -> &'static [Quantity] {
         &AVERAGE
@@ -150,7 +197,7 @@ impl Family for Average {
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
         let alpha = at.get(Parameter::Alpha)?;
         if alpha == 0.0 {
-            return Ok(vec![Estimate::bound(1.0, f64::EPSILON)]);
+            return Ok(vec![Estimate::bound(mirror_average(model.smith), MIRROR_ROUNDING)]);
         }
         Ok(vec![quadrature::ggx_albedo_average(alpha, model.smith, tolerance)])
     }
@@ -158,7 +205,7 @@ impl Family for Average {
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
         let alpha = at.get(Parameter::Alpha)?;
         if alpha == 0.0 {
-            return Ok(vec![Estimate::sigma(1.0, 0.0)]);
+            return Ok(vec![Estimate::sigma(mirror_average(model.smith), MIRROR_ROUNDING)]);
         }
         let lobe = Ggx::isotropic(alpha, model.smith);
         let (estimates, _) = integration.points3.integrate(integration.stop(), |[u, v, w]| {
@@ -175,13 +222,13 @@ impl Family for Average {
         let known = |value, fact| vec![Identity { quantity: 0, value, slack: 0.0, fact }];
         if alpha == 1.0 {
             let value = match model.smith {
-                Smith::Correlated => 4.0 / 3.0 * (1.0 - LN_2),
-                Smith::Separable => 4.0 * (1.0 - LN_2).powi(2),
+                Smith::Correlated | Smith::Beta | Smith::ApproxCorrelated => 4.0 / 3.0 * (1.0 - LN_2),
+                Smith::Separable | Smith::SchlickIbl | Smith::SchlickDirect => 4.0 * (1.0 - LN_2).powi(2),
             };
             return known(value, "closed form of E_avg at alpha = 1");
         }
         if alpha == 0.0 {
-            return known(1.0, "perfect mirror at alpha = 0");
+            return known(mirror_average(model.smith), "perfect mirror at alpha = 0");
         }
         vec![]
     }

@@ -2,7 +2,7 @@
 
 use super::bake::TableSpec;
 use super::quantity::Point;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::integrate::{Integration, Settings};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,8 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
         .iter()
         .map(|a| {
             // The ends of the domain: half a texel outside the outermost centres, or the outermost texels themselves.
-            let (p, q) = (a.position(0.0), a.position(1.0));
+            let (low, high) = a.parameter.domain();
+            let (p, q) = (a.position(low), a.position(high));
             positions(a.size, p.min(q), p.max(q))
         })
         .collect();
@@ -72,9 +73,16 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
                         at.set(axis.parameter, *value);
                     }
                     let seen = bilinear(texels, spec.width(), spec.height(), channels, x, y);
-                    let errors = evaluator.at(&at, &truth)?.iter().zip(seen).map(|(e, seen)| seen - e.value).collect();
-                    Ok((errors, place))
+                    match evaluator.at(&at, &truth) {
+                        Ok(exact) => {
+                            Ok(Some((exact.iter().zip(seen).map(|(e, seen)| seen - e.value).collect(), place)))
+                        }
+                        // A place where the quantity diverges has no error.
+                        Err(Error::Unsupported(_)) => Ok(None),
+                        Err(other) => Err(other),
+                    }
                 })
+                .filter_map(Result::transpose)
                 .collect::<Result<_>>()
         })
         .collect::<Result<_>>()?;

@@ -37,6 +37,24 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.albedo_avg"],
         axes: &[(Parameter::Roughness, 64)],
     },
+    NamedTable {
+        name: "ggx-f82",
+        summary: "scale, bias and the F82 tint's weight: everything that a coloured metal's reflectance needs",
+        channels: &["ggx.scale", "ggx.bias", "ggx.f82"],
+        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+    },
+    NamedTable {
+        name: "beckmann-dfg",
+        summary: "split-sum environment BRDF of Beckmann's lobe",
+        channels: &["beckmann.scale", "beckmann.bias"],
+        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+    },
+    NamedTable {
+        name: "charlie-albedo",
+        summary: "directional albedo of the sheen, by which the layer below it is dimmed",
+        channels: &["charlie.albedo"],
+        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+    },
 ];
 
 impl NamedTable {

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::integrate::{Estimate, Integration};
 use crate::model::alpha_of_roughness;
+use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -17,6 +18,8 @@ pub enum Parameter {
     Alpha,
     /// The artist's value: alpha = roughness².
     Roughness,
+    /// Relative index of refraction.
+    Eta,
 }
 
 /// What is known of a parameter: one row each.
@@ -47,11 +50,17 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         summary: "the artist's value; alpha = roughness²",
         domain: (0.0, 1.0),
     },
+    Facts {
+        parameter: Parameter::Eta,
+        name: "eta",
+        summary: "relative index of refraction n_t/n_i: below 1 from the denser side",
+        domain: (0.25, 4.0),
+    },
 ];
 
 impl Parameter {
     /// Every parameter.
-    pub const ALL: [Self; 3] = [Self::Mu, Self::Alpha, Self::Roughness];
+    pub const ALL: [Self; 4] = [Self::Mu, Self::Alpha, Self::Roughness, Self::Eta];
 
     fn facts(self) -> &'static Facts {
         let facts = &FACTS[self as usize];
@@ -154,6 +163,8 @@ impl Point {
 pub struct Model {
     /// Masking and shadowing.
     pub smith: Smith,
+    /// The visibility term of the sheen.
+    pub visibility: Visibility,
 }
 
 /// A function of physical parameters.
@@ -214,7 +225,17 @@ pub struct Identity {
 }
 
 /// Every family.
-pub static FAMILIES: &[&dyn Family] = &[&super::ggx::Split, &super::ggx::Average, &super::lambert::Lambertian];
+pub static FAMILIES: &[&dyn Family] = &[
+    &super::ggx::Split,
+    &super::ggx::Average,
+    &super::beckmann::Split,
+    &super::beckmann::Average,
+    &super::charlie::Directional,
+    &super::charlie::Average,
+    &super::dielectric::Directional,
+    &super::dielectric::Average,
+    &super::lambert::Lambertian,
+];
 
 /// Every quantity with its family and its place in it.
 pub fn all() -> impl Iterator<Item = Handle> {

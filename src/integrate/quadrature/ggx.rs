@@ -1,4 +1,4 @@
-//! The deterministic road: GGX reflection integrated over the elevation and azimuth of the incident direction.
+//! GGX reflection, integrated over the elevation and azimuth of the incident direction.
 //!
 //! In these coordinates the horizon is an end of the interval and nothing has a kink. With e the elevations of both directions
 //! above the horizon, C = sin((e_o + e_i)/2), δ = (e_i − e_o)/2, ψ the azimuth from the mirror direction, y = sin²(ψ/2) and
@@ -13,75 +13,17 @@
 //! - in ψ, the pole of r at sin²(ψ/2) = −m/4b: the substitution τ = tan(ψ/4) keeps it on the imaginary axis, at
 //!   w = 1/(ρ + √(ρ² + 1)) with ρ² = 4b/m, and a rule graded to w undoes it;
 //! - in e_i, the peak around e_o, with poles at e_o ± 2i asinh(α/√(1 − α²)), and the horizon, where G2 has branch points at
-//!   ± i asinh(α/√(1 − α²)) and a pole at −e_o: three panels, graded to e_o from both sides and to the horizon.
+//!   ± i asinh(α/√(1 − α²)) and a pole at −e_o, or where an approximation of G2 has its own: three panels, graded to e_o from
+//!   both sides and to the horizon.
 //!
 //! With F = 1 the azimuth integral is closed form. Derived here; checked against the closed forms at alpha = 1 and against Monte Carlo.
 
-use super::Estimate;
+use super::{Rung, Sum, climb};
+use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
 use crate::math::quadrature::{GradedRules, Rule};
 use crate::model::ggx::Smith;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use std::sync::LazyLock;
-
-/// A rule of the ladder: the accuracy e^(−digits) at which an integral is computed.
-struct Rung {
-    rules: GradedRules,
-}
-
-/// Accuracies, coarse to fine: each is computed when first used.
-static LADDER: LazyLock<Vec<Rung>> =
-    LazyLock::new(|| [9.0, 14.0, 19.0, 25.0, 32.0, 40.0, 50.0].map(|d| Rung { rules: GradedRules::new(d) }).into());
-
-/// The rung from which to start for a tolerance; the next one confirms it.
-fn first_rung(tolerance: f64) -> usize {
-    let digits = -tolerance.ln();
-    // The rules promise e^(−digits) for an integrand of height 1; measured on GGX, a rung is that good or better.
-    LADDER.iter().position(|r| r.rules.digits() >= digits - 4.0).unwrap_or(LADDER.len() - 2).min(LADDER.len() - 2)
-}
-
-/// Climbs the ladder until two neighbouring rungs agree to `tolerance`: the finer value, with their difference as its bound.
-///
-/// Convergence is geometric, so the finer value is far better than the difference; rounding adds its own floor.
-fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&GradedRules) -> Sum<K>) -> [Estimate; K] {
-    let first = first_rung(tolerance);
-    let mut coarse = integral(&LADDER[first].rules).values;
-    let mut best = coarse.map(|v| Estimate::bound(v, f64::INFINITY));
-    for rung in &LADDER[first + 1..] {
-        let Sum { values: fine, defect } = integral(&rung.rules);
-        // One component may agree by chance: the largest difference speaks for all.
-        let difference = (0..K).map(|k| (fine[k] - coarse[k]).abs()).fold(0.0, f64::max);
-        let error = SAFETY * (difference + defect + PROMISE * (-rung.rules.digits()).exp());
-        let candidate = fine.map(|v| Estimate::bound(v, error + ROUNDING * v.abs()));
-        // Past the point where rounding rules, a finer rung may look worse: keep the better of the two.
-        for (b, c) in best.iter_mut().zip(candidate) {
-            if c.error < b.error {
-                *b = c;
-            }
-        }
-        if best.iter().all(|e| e.error <= tolerance) {
-            break;
-        }
-        coarse = fine;
-    }
-    best
-}
-
-/// What the indicators of error are multiplied with to be a bound; a test scans the whole domain for values that break it.
-const SAFETY: f64 = 4.0;
-
-/// The part of a rung's nominal error below which agreement is taken for chance.
-const PROMISE: f64 = 0.025;
-
-/// Values of an integral by one rule, and what is known to be wrong with them.
-struct Sum<const K: usize> {
-    values: [f64; K],
-    /// Σ |azimuth rule − closed form| with F = 1: the error of the inner rule where it can be seen exactly.
-    defect: f64,
-}
-
-/// Relative rounding error of a sum of a few thousand positive terms, each good to a few ulp.
-const ROUNDING: f64 = 2e-14;
 
 /// ∫ f cosθ_i F(wo·h) dω_i for GGX of width `alpha` seen at cosine `mu`, for `K` Fresnel factors at once.
 ///
@@ -93,17 +35,17 @@ pub fn ggx_reflection<const K: usize>(
     tolerance: f64,
     fresnel: impl Fn(f64) -> [f64; K],
 ) -> [Estimate; K] {
-    climb(tolerance, |rules| over_elevation(mu, alpha, smith, rules, |at| azimuth(&at, rules, &fresnel)))
+    climb(tolerance, |Rung { rules, .. }| over_elevation(mu, alpha, smith, rules, |at| azimuth(&at, rules, &fresnel)))
 }
 
 /// The same with F = 1: the directional albedo, whose azimuth integral is closed form.
 pub fn ggx_albedo(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    climb(tolerance, |rules| albedo_on(mu, alpha, smith, rules))[0]
+    climb(tolerance, |Rung { rules, .. }| albedo_on(mu, alpha, smith, rules))[0]
 }
 
 /// 2 ∫ E(mu) mu dmu: the average albedo.
 pub fn ggx_albedo_average(alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    climb(tolerance, |rules| {
+    climb(tolerance, |Rung { rules, .. }| {
         // E has its dip near mu = alpha and is not analytic at the horizon; mu itself is the smooth variable at normal incidence.
         let rule = rules.at_scale(AVERAGE_SCALE * alpha);
         let average = 2.0 * rule.integrate(|mu| mu * albedo_on(mu, alpha, smith, rules).values[0]);
@@ -142,6 +84,7 @@ fn over_elevation<const K: usize>(
     let l_o = ell(mu);
     // asinh(α/√(1−α²)) = atanh(α), infinite at α = 1, where no pole is left.
     let width = alpha.atanh().min(FAR);
+    let pole = smith.pole_below_horizon(alpha, mu);
     let mut sum = Sum { values: [0.0; K], defect: 0.0 };
     // d = e_i − e_o is passed beside e_i: one of the two is the node itself and therefore exact.
     let mut add = |e_i: f64, d: f64, weight: f64| {
@@ -151,7 +94,7 @@ fn over_elevation<const K: usize>(
         let c2 = c * c;
         let m = 4.0 * c2 * (sin_d * sin_d + alpha * alpha * cos_d * cos_d);
         let ring = ring(Ring { c2, b: cos_o * cos_i, m });
-        let v = smith.visibility(mu, l_o, mu_i, ell(mu_i));
+        let v = smith.visibility(alpha, (mu, l_o), (mu_i, ell(mu_i)));
         let weight = weight * v * mu_i * cos_i * alpha * alpha / PI;
         for k in 0..K {
             sum.values[k] += weight * ring.values[k];
@@ -168,14 +111,14 @@ fn over_elevation<const K: usize>(
     let above = FRAC_PI_2 - e_o;
     if above > 0.0 {
         // Beside the peak's own poles stands that of G2 at −e_o, which becomes a branch point of the whole when e_o is 0.
-        let nearest = (2.0 * width).min((2.0 * e_o).max(BRANCH * width.min(1.0)));
+        let nearest = (2.0 * width).min((2.0 * e_o).max(BRANCH * width.min(1.0))).min(e_o + pole);
         panel(rules.at_scale(nearest / above), above, &|t| (e_o + t, t));
     }
     // From the peak halfway down to the horizon, and from the horizon halfway up to the peak.
     let half = 0.5 * e_o;
     if half > 0.0 {
         panel(rules.at_scale(2.0 * width / half), half, &|t| (e_o - t, -t));
-        panel(rules.at_scale(width.min(e_o) / half), half, &|t| (t, t - e_o));
+        panel(rules.at_scale(width.min(e_o).min(pole) / half), half, &|t| (t, t - e_o));
     }
     sum
 }

@@ -1,0 +1,98 @@
+//! A rough interface between two dielectrics: GGX microfacets, each of which reflects and refracts.
+//!
+//! `eta` = n_t/n_i, the index on the far side over that on the side of `wo`. Light that refracts at a facet with normal h goes to
+//! wt = −wo/η + (cosβ/η − cosβ_t) h; where that is above the surface again, it carries nothing.
+//!
+//! **Source**: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 16, 17, 21 (half-vector, Jacobian,
+//! BTDF) and 40 (refracted direction); exact unpolarised Fresnel equations (Born and Wolf, as every optics text gives them).
+
+use super::Lobe;
+use super::ggx::Ggx;
+use crate::math::frame::reflect;
+use glam::DVec3;
+
+/// The reflectance of a smooth interface for unpolarised light at the cosine `mu` ≥ 0; 1 beyond the critical angle.
+pub fn reflectance(mu: f64, eta: f64) -> f64 {
+    match refracted_cosine(mu, eta) {
+        None => 1.0,
+        // Both cosines are 0 only where eta is 1 and nothing is there to reflect.
+        Some(_) if eta == 1.0 => 0.0,
+        Some(mu_t) => {
+            let perpendicular = (mu - eta * mu_t) / (mu + eta * mu_t);
+            let parallel = (eta * mu - mu_t) / (eta * mu + mu_t);
+            0.5 * (perpendicular * perpendicular + parallel * parallel)
+        }
+    }
+}
+
+/// One minus the reflectance, from the cosines on both sides, without cancellation at grazing angles.
+pub fn transmittance(mu: f64, mu_t: f64, eta: f64) -> f64 {
+    let product = 2.0 * mu * eta * mu_t;
+    product / (mu + eta * mu_t).powi(2) + product / (eta * mu + mu_t).powi(2)
+}
+
+/// The cosine of the refracted direction by Snell's law; `None` where all is reflected.
+pub fn refracted_cosine(mu: f64, eta: f64) -> Option<f64> {
+    // η² − sin² without cancellation near grazing incidence and η = 1
+    let squared = (eta - 1.0) * (eta + 1.0) + mu * mu;
+    (squared >= 0.0).then(|| squared.sqrt() / eta)
+}
+
+/// The interface, seen from the side of `wo`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dielectric {
+    /// Its microfacets.
+    pub facets: Ggx,
+    /// Relative index of refraction n_t/n_i.
+    pub eta: f64,
+}
+
+impl Dielectric {
+    /// The BRDF, in 1/sr, for `wo` and `wi` above the surface.
+    pub fn brdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        let cosine = (0.5 * (wo + wi).length()).min(1.0); // at most 1 but for rounding
+        self.facets.f(wo, wi) * reflectance(cosine, self.eta)
+    }
+
+    /// The BTDF, in 1/sr, for `wo` above the surface and `wt` below it; `None` where the masking is one that is made for
+    /// reflection, or η is 1 and nothing is refracted.
+    pub fn btdf(&self, wo: DVec3, wt: DVec3) -> Option<f64> {
+        let h = -(wo + self.eta * wt).try_normalize()?;
+        let h = if h.z < 0.0 { -h } else { h };
+        let (cosine, cosine_t, mu_t) = (wo.dot(h), -wt.dot(h), -wt.z);
+        let masking = self.facets.smith.through((wo.z, self.facets.l(wo)), (mu_t, self.facets.l(wt)))?;
+        if cosine <= 0.0 || cosine_t <= 0.0 || mu_t <= 0.0 {
+            return Some(0.0);
+        }
+        let transmitted = transmittance(cosine, cosine_t, self.eta);
+        let jacobian = self.eta * self.eta * cosine_t / (cosine - self.eta * cosine_t).powi(2);
+        Some(cosine * jacobian * transmitted * masking * self.facets.d(h) / mu_t)
+    }
+
+    /// What one visible normal sends up and down, as parts of what comes in: the integrands of reflectance and transmittance
+    /// over their density.
+    pub fn scattered_by(&self, wo: DVec3, h: DVec3) -> Option<[f64; 2]> {
+        let (smith, l_o, cosine) = (self.facets.smith, self.facets.l(wo), wo.dot(h));
+        let f = reflectance(cosine.clamp(0.0, 1.0), self.eta); // outside by rounding only: the normal is visible
+        let seen = 0.5 * (wo.z + l_o); // μo/G1
+        let wi = reflect(wo, h);
+        let up = if wi.z > 0.0 {
+            let v = smith.visibility(self.facets.alpha_x, (wo.z, l_o), (wi.z, self.facets.l(wi)));
+            4.0 * wi.z * v * seen * f
+        } else {
+            0.0
+        };
+        let down = match refracted_cosine(cosine.clamp(0.0, 1.0), self.eta) {
+            None => 0.0,
+            Some(cosine_t) => {
+                let wt = -wo / self.eta + (cosine / self.eta - cosine_t) * h;
+                if wt.z < 0.0 {
+                    smith.through((wo.z, l_o), (-wt.z, self.facets.l(wt)))? * seen * (1.0 - f)
+                } else {
+                    0.0
+                }
+            }
+        };
+        Some([up, down])
+    }
+}
