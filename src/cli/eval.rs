@@ -1,6 +1,6 @@
 //! `kiln eval`: exact values of a quantity.
 
-use super::arguments::{IntegrationArgs, SmithName};
+use super::arguments::{IntegrationArgs, ParameterArgs, SmithName};
 use super::console::{Console, columns};
 use clap::Args;
 use kiln::integrate::{Estimate, Integration, Integrator, Settings};
@@ -13,24 +13,19 @@ use std::path::{Path, PathBuf};
 
 /// Evaluate a quantity: at points of a CSV file, or at one point by both witnesses
 #[derive(Debug, Args)]
-#[command(after_help = "The CSV's header names parameters (mu, alpha or roughness; alpha = roughness²). Its columns come out \
+#[command(
+    after_help = "The CSV's header names parameters (see `kiln list quantities`; alpha = roughness²). Its columns come out \
                         again, followed by value, error and kind: `bound` (|value − truth| ≤ error) or `sigma` (one standard \
-                        error).")]
+                        error)."
+)]
 pub struct Eval {
     /// Which quantity: see `kiln list quantities`
     quantity: String,
     /// CSV file of points
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["mu", "alpha", "roughness"])]
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = Parameter::ALL.map(Parameter::name))]
     points: Option<PathBuf>,
-    /// Cosine of the outgoing direction to the normal, in [0, 1]
-    #[arg(long)]
-    mu: Option<f64>,
-    /// Width of the microfacet distribution, in [0, 1]
-    #[arg(long, conflicts_with = "roughness")]
-    alpha: Option<f64>,
-    /// The artist's value, in [0, 1]; alpha = roughness²
-    #[arg(long)]
-    roughness: Option<f64>,
+    #[command(flatten)]
+    parameters: ParameterArgs,
     /// Masking and shadowing
     #[arg(long, value_enum, default_value = "correlated")]
     smith: SmithName,
@@ -63,18 +58,16 @@ impl Eval {
     fn one(&self, handle: Handle, model: &Model, settings: Settings, console: &Console) -> Result<()> {
         let mut point = Point::default();
         let mut given = serde_json::Map::new();
-        let flags =
-            [(Parameter::Mu, self.mu), (Parameter::Alpha, self.alpha), (Parameter::Roughness, self.roughness)];
-        for (parameter, value) in flags {
-            let Some(value) = value else { continue };
+        for &(parameter, value) in &self.parameters.given {
             point = point.with(parameter, value)?;
             given.insert(parameter.name().to_owned(), value.into());
             if !handle.quantity.depends_on(parameter) {
                 console.warn(&format!("{} does not depend on {parameter}", handle.quantity.name));
             }
         }
-        // A person reads both answers, unless one was asked for.
+        // A person reads both answers, unless one was asked for or there is nothing to integrate.
         let witnesses = match settings.integrator {
+            _ if handle.family.is_pointwise() => vec![Integrator::Quadrature],
             Integrator::Auto => vec![Integrator::Quadrature, Integrator::MonteCarlo],
             one => vec![one],
         };
@@ -91,17 +84,21 @@ impl Eval {
                 _ => Settings { integrator, ..settings },
             };
             let Estimate { value, error, kind } = handle.evaluate(&point, model, &Integration::new(own)?)?;
-            rows.push(Row { parameters: given.clone(), integrator: integrator.name(), value, error, kind: kind.name() });
+            let integrator = witness_name(handle, integrator);
+            rows.push(Row { parameters: given.clone(), integrator, value, error, kind: kind.name() });
         }
         if console.json {
             return console.print_json(&rows);
         }
         let parameters: Vec<String> = given.iter().map(|(name, value)| format!("{name} {value}")).collect();
-        let mut text = format!("{} at {} ({} Smith)\n", handle.quantity.name, parameters.join(", "), model.smith.name());
+        let mut text =
+            format!("{} at {} ({} Smith)\n", handle.quantity.name, parameters.join(", "), model.smith.name());
         text += &format!("{}\n\n", handle.quantity.definition);
         let cells: Vec<Vec<String>> = rows
             .iter()
-            .map(|r| vec![r.integrator.to_owned(), format!("{:.15}", r.value), format!("{:.1e}", r.error), r.kind.to_owned()])
+            .map(|r| {
+                vec![r.integrator.to_owned(), format!("{:.15}", r.value), format!("{:.1e}", r.error), r.kind.to_owned()]
+            })
             .collect();
         text += &columns(&["witness", "value", "error", "kind"], &cells);
         if let [a, b] = &rows[..] {
@@ -109,6 +106,17 @@ impl Eval {
         }
         console.print(&text)
     }
+}
+
+/// The values that a parameter may have, as advice.
+fn domain_hint(parameter: Parameter) -> String {
+    let (low, high) = parameter.domain();
+    format!("give a number from {low} to {high}")
+}
+
+/// Who computed a value.
+fn witness_name(handle: Handle, integrator: Integrator) -> &'static str {
+    if handle.family.is_pointwise() { "closed-form" } else { integrator.name() }
 }
 
 fn many(handle: Handle, model: &Model, settings: Settings, path: &Path, console: &Console) -> Result<()> {
@@ -145,7 +153,7 @@ fn many(handle: Handle, model: &Model, settings: Settings, path: &Path, console:
             for &(column, parameter) in &columns {
                 let text = record.get(column).unwrap_or_default();
                 let value = text.parse().map_err(|_| {
-                    Error::invalid(format!("line {line}: {parameter} {text:?} is not a number"), "give a number from 0 to 1")
+                    Error::invalid(format!("line {line}: {parameter} {text:?} is not a number"), domain_hint(parameter))
                         .in_file(path)
                 })?;
                 point = point.with(parameter, value).map_err(at_line)?;
@@ -169,12 +177,19 @@ fn print_points(
         let row = |(record, e): (&csv::StringRecord, &Estimate)| {
             let value = |text: &str| text.parse::<f64>().map_or_else(|_| text.into(), serde_json::Value::from);
             let parameters = header.iter().zip(record).map(|(name, text)| (name.to_owned(), value(text))).collect();
-            Row { parameters, integrator: integrator.name(), value: e.value, error: e.error, kind: e.kind.name() }
+            Row {
+                parameters,
+                integrator: witness_name(handle, integrator),
+                value: e.value,
+                error: e.error,
+                kind: e.kind.name(),
+            }
         };
         return console.print_json(&records.iter().zip(estimates).map(row).collect::<Vec<_>>());
     }
     let mut writer = csv::Writer::from_writer(vec![]);
-    let failed = |e: csv::Error| Error::unsupported(format!("{} cannot be printed: {e}", handle.quantity.name), "use --json");
+    let failed =
+        |e: csv::Error| Error::unsupported(format!("{} cannot be printed: {e}", handle.quantity.name), "use --json");
     let with = |record: &csv::StringRecord, more: [String; 3]| -> Vec<String> {
         record.iter().map(str::to_owned).chain(more).collect()
     };

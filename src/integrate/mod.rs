@@ -3,6 +3,8 @@
 //! Every number has two witnesses: [`monte_carlo`], random and general, and [`quadrature`], deterministic and written per kind of
 //! integrand. They share neither samples nor changes of variables.
 
+pub mod fresnel;
+mod ladder;
 pub mod monte_carlo;
 pub mod quadrature;
 

@@ -17,6 +17,20 @@ pub enum Parameter {
     Alpha,
     /// The artist's value: alpha = roughness².
     Roughness,
+    /// Reflectance at normal incidence.
+    F0,
+    /// What remains at 82° of Schlick's reflectance.
+    F82,
+    /// Relative index of refraction of a dielectric.
+    Eta,
+    /// Real part of a conductor's index of refraction.
+    N,
+    /// Imaginary part of a conductor's index of refraction.
+    K,
+    /// Standard deviation of the slope angle of a rough diffuse surface.
+    Sigma,
+    /// Albedo of a diffuse surface.
+    Rho,
 }
 
 /// What is known of a parameter: one row each.
@@ -35,18 +49,66 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         summary: "cosine of the outgoing direction to the normal",
         domain: (0.0, 1.0),
     },
-    Facts { parameter: Parameter::Alpha, name: "alpha", summary: "width of the microfacet distribution", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::Alpha,
+        name: "alpha",
+        summary: "width of the microfacet distribution",
+        domain: (0.0, 1.0),
+    },
     Facts {
         parameter: Parameter::Roughness,
         name: "roughness",
         summary: "the artist's value; alpha = roughness²",
         domain: (0.0, 1.0),
     },
+    Facts { parameter: Parameter::F0, name: "f0", summary: "reflectance at normal incidence", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::F82,
+        name: "f82",
+        summary: "what remains of Schlick's reflectance at 82°; 1 is no tint",
+        domain: (0.0, 1.0),
+    },
+    Facts {
+        parameter: Parameter::Eta,
+        name: "eta",
+        summary: "relative index of refraction n_t/n_i of a dielectric",
+        domain: (0.1, 10.0),
+    },
+    Facts {
+        parameter: Parameter::N,
+        name: "n",
+        summary: "real part of a conductor's relative index of refraction",
+        domain: (0.01, 20.0),
+    },
+    Facts {
+        parameter: Parameter::K,
+        name: "k",
+        summary: "imaginary part of a conductor's relative index of refraction",
+        domain: (0.0, 30.0),
+    },
+    Facts {
+        parameter: Parameter::Sigma,
+        name: "sigma",
+        summary: "standard deviation of the slope angle of a rough diffuse surface, in radians",
+        domain: (0.0, std::f64::consts::FRAC_PI_2),
+    },
+    Facts { parameter: Parameter::Rho, name: "rho", summary: "albedo of a diffuse surface", domain: (0.0, 1.0) },
 ];
 
 impl Parameter {
     /// Every parameter.
-    pub const ALL: [Self; 3] = [Self::Mu, Self::Alpha, Self::Roughness];
+    pub const ALL: [Self; 10] = [
+        Self::Mu,
+        Self::Alpha,
+        Self::Roughness,
+        Self::F0,
+        Self::F82,
+        Self::Eta,
+        Self::N,
+        Self::K,
+        Self::Sigma,
+        Self::Rho,
+    ];
 
     fn facts(self) -> &'static Facts {
         let facts = &FACTS[self as usize];
@@ -104,7 +166,10 @@ impl Point {
                 format!("give {parameter} from {low} to {high}"),
             ));
         }
-        if Parameter::ALL.into_iter().any(|p| p.canonical() == parameter.canonical() && self.values[p as usize].is_some()) {
+        if Parameter::ALL
+            .into_iter()
+            .any(|p| p.canonical() == parameter.canonical() && self.values[p as usize].is_some())
+        {
             return Err(if parameter == parameter.canonical() && parameter != Parameter::Alpha {
                 Error::usage(format!("{parameter} is given twice"), "give it once")
             } else {
@@ -188,6 +253,12 @@ pub trait Family: Sync {
     /// The random witness: a standard error per quantity, when `integration.stop()` says enough.
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>>;
 
+    /// Whether the quantities are closed forms of their parameters, with nothing to integrate: both witnesses are then the same
+    /// value, a bound, and neither proves anything of the other.
+    fn is_pointwise(&self) -> bool {
+        false
+    }
+
     /// Known exact values at `at`, as (quantity, value, what it is called), for tests and `verify`.
     fn identities(&self, at: &Point, model: &Model) -> Vec<Identity>;
 }
@@ -206,7 +277,18 @@ pub struct Identity {
 }
 
 /// Every family.
-pub static FAMILIES: &[&dyn Family] = &[&super::ggx::Split, &super::ggx::Average, &super::lambert::Lambertian];
+pub static FAMILIES: &[&dyn Family] = &[
+    &super::ggx::Split,
+    &super::ggx::Average,
+    &super::lambert::Lambertian,
+    &super::fresnel::SCHLICK,
+    &super::fresnel::DIELECTRIC,
+    &super::fresnel::CONDUCTOR,
+    &super::fresnel::F82,
+    &super::fresnel::SCHLICK_AVERAGE,
+    &super::fresnel::DIELECTRIC_AVERAGE,
+    &super::fresnel::CONDUCTOR_AVERAGE,
+];
 
 /// Every quantity with its family and its place in it.
 pub fn all() -> impl Iterator<Item = Handle> {
@@ -299,8 +381,12 @@ pub fn find(name: &str) -> Result<Handle> {
 /// A way out for a mistyped name: the likeliest ones, and where the whole list is.
 pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
     let last = name.rsplit('.').next().unwrap_or(name);
-    let near: Vec<&str> =
-        known.iter().copied().filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last))).take(5).collect();
+    let near: Vec<&str> = known
+        .iter()
+        .copied()
+        .filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last)))
+        .take(5)
+        .collect();
     if near.is_empty() { format!("see `{list}`") } else { format!("did you mean {}? see `{list}`", near.join(", ")) }
 }
 
