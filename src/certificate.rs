@@ -176,7 +176,10 @@ impl Certificate {
             schema: String,
         }
         let broken = |e: serde_json::Error| {
-            Error::invalid(format!("a broken certificate: {e}"), "bake the file again; certificates are not edited by hand")
+            Error::invalid(
+                format!("a broken certificate: {e}"),
+                "bake the file again; certificates are not edited by hand",
+            )
         };
         let Versioned { schema } = serde_json::from_str(text).map_err(broken)?;
         if schema != SCHEMA {

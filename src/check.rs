@@ -48,7 +48,6 @@ pub const WITNESS_POINTS: usize = 64;
 /// in 70,000 is further off than 5; 64 points of a few channels give one false alarm in some hundred bakes, so 6 (one in 10⁶).
 pub const SIGMAS: f64 = 6.0;
 
-
 /// `n` numbers in [0, 1) that reach every part of it, whatever `n`: a Weyl sequence from a start that the seed names.
 fn weyl(seed: u64, n: usize) -> impl Iterator<Item = f64> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;

@@ -218,7 +218,12 @@ impl TableRecipe {
             && self.channels.len() > texel.channels
         {
             return Err(Error::usage(
-                format!("{} holds {} channels, and {} were asked for", self.format, texel.channels, self.channels.len()),
+                format!(
+                    "{} holds {} channels, and {} were asked for",
+                    self.format,
+                    texel.channels,
+                    self.channels.len()
+                ),
                 "use ktx2:rgba16f or ktx2:rgba32f for up to four, or exr:f32 for any number",
             ));
         }
@@ -274,7 +279,9 @@ impl EnvironmentRecipe {
     /// **Errors**: impossible sizes, more levels than halvings, roughness outside [0, 1], a format without three channels.
     pub fn check(&self) -> Result<()> {
         self.integration.check()?;
-        for (name, size) in [("size", self.size), ("min-size", self.min_size), ("irradiance-size", self.irradiance_size)] {
+        for (name, size) in
+            [("size", self.size), ("min-size", self.min_size), ("irradiance-size", self.irradiance_size)]
+        {
             if size == 0 || size > LARGEST_CUBE {
                 return Err(Error::usage(
                     format!("{name} {size} is not in 1..={LARGEST_CUBE}"),
@@ -301,7 +308,11 @@ impl EnvironmentRecipe {
             let most = self.size.ilog2() as usize + 1;
             if roughness.len() > most {
                 return Err(Error::usage(
-                    format!("{} levels are more than the {most} that a cube of size {} halves into", roughness.len(), self.size),
+                    format!(
+                        "{} levels are more than the {most} that a cube of size {} halves into",
+                        roughness.len(),
+                        self.size
+                    ),
                     format!("use at most {most} values of roughness, or a larger --size"),
                 ));
             }

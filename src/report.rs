@@ -71,7 +71,8 @@ pub fn tone_map(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
     radiance.map(|v| {
         let x = (v * exposure).max(0.0); // negative light is black
         let compressed = if x.is_infinite() { 1.0 } else { x / (1.0 + x) };
-        let encoded = if compressed <= 0.003_130_8 { 12.92 * compressed } else { 1.055 * compressed.powf(1.0 / 2.4) - 0.055 };
+        let encoded =
+            if compressed <= 0.003_130_8 { 12.92 * compressed } else { 1.055 * compressed.powf(1.0 / 2.4) - 0.055 };
         (255.0 * encoded).round() as u8
     })
 }
@@ -106,7 +107,10 @@ pub fn panorama(image: &Image, ev: f32) -> Result<Preview> {
 pub fn cube(texture: &ktx2::Texture, ev: f32) -> Result<Preview> {
     if texture.faces != 6 || texture.format.channels < 3 {
         return Err(Error::unsupported(
-            format!("a texture of {} faces and {} channels is no cube of colours", texture.faces, texture.format.channels),
+            format!(
+                "a texture of {} faces and {} channels is no cube of colours",
+                texture.faces, texture.format.channels
+            ),
             "show a cube map in rgba16f or rgba32f",
         ));
     }

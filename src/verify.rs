@@ -56,7 +56,9 @@ impl Content {
             _ if path.extension().is_some_and(|e| e == "json") => serde_json::from_slice(&bytes)
                 .map(Self::Json)
                 .map_err(|e| Error::invalid(format!("broken JSON: {e}"), "bake it again")),
-            FileKind::Hdr => Err(Error::unsupported("a panorama, which claims nothing", "verify what was baked from it")),
+            FileKind::Hdr => {
+                Err(Error::unsupported("a panorama, which claims nothing", "verify what was baked from it"))
+            }
             FileKind::Other(kind) => {
                 Err(Error::unsupported(format!("{kind}, which Kiln does not verify"), "give an .exr, .ktx2 or sh.json"))
             }
@@ -115,7 +117,9 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     let mut found = vec![];
     collect(path, &mut found)?;
     if found.is_empty() {
-        return Err(Error::invalid("no certificate in the folder", "give a folder that `kiln bake` wrote").in_file(path));
+        return Err(
+            Error::invalid("no certificate in the folder", "give a folder that `kiln bake` wrote").in_file(path)
+        );
     }
     Ok(found)
 }

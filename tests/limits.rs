@@ -29,7 +29,10 @@ fn split(mu: f64, alpha: f64, smith: Smith, integration: &Integration) -> Vec<Es
 
 fn average(alpha: f64, smith: Smith, integration: &Integration) -> Estimate {
     let point = Point::default().with(Parameter::Alpha, alpha).expect("in the domain");
-    quantity::find("ggx.albedo_avg").expect("a quantity").evaluate(&point, &Model { smith }, integration).expect("reached")
+    quantity::find("ggx.albedo_avg")
+        .expect("a quantity")
+        .evaluate(&point, &Model { smith }, integration)
+        .expect("reached")
 }
 
 /// `n` values from 10^low to 1, even in the logarithm.
@@ -85,7 +88,11 @@ fn narrow_lobe_is_a_perfect_mirror() {
             }
             let mirror = split(mu, 0.0, smith, &exact());
             for (e, wanted) in mirror.iter().zip([1.0 - fc, fc, 1.0]) {
-                assert!((e.value - wanted).abs() < 1e-15, "{smith:?} alpha 0, mu {mu}: got {}, wanted {wanted}", e.value);
+                assert!(
+                    (e.value - wanted).abs() < 1e-15,
+                    "{smith:?} alpha 0, mu {mu}: got {}, wanted {wanted}",
+                    e.value
+                );
             }
         }
     }
@@ -123,9 +130,7 @@ fn correlated_albedo_tends_to_one_at_grazing_for_every_alpha() {
 
 #[test]
 fn albedo_dips_to_nearly_0_89_where_mu_is_near_alpha() {
-    let lowest = decades(-3.0, 400)
-        .map(|mu| split(mu, 1e-3, Smith::Correlated, &exact())[2].value)
-        .fold(1.0, f64::min);
+    let lowest = decades(-3.0, 400).map(|mu| split(mu, 1e-3, Smith::Correlated, &exact())[2].value).fold(1.0, f64::min);
     assert!((0.88..0.90).contains(&lowest), "lowest E at alpha 1e-3 is {lowest}");
 }
 
@@ -171,7 +176,10 @@ fn quadrature_bounds_hold_over_the_whole_domain() {
                     for (e, t) in split(mu, alpha, smith, integration).iter().zip(&truth) {
                         let off = (e.value - t.value).abs();
                         let tolerance = integration.tolerance();
-                        assert!(e.error <= tolerance, "{smith:?} mu {mu} alpha {alpha}: {tolerance:e} not reached: {e:?}");
+                        assert!(
+                            e.error <= tolerance,
+                            "{smith:?} mu {mu} alpha {alpha}: {tolerance:e} not reached: {e:?}"
+                        );
                         assert!(off <= e.error + t.error, "{smith:?} mu {mu} alpha {alpha}: off by {off:e}, {e:?}");
                     }
                 }
@@ -194,7 +202,11 @@ fn monte_carlo_agrees_with_quadrature_within_its_standard_error() {
                     let truth = split(mu, alpha, smith, &exact());
                     for (e, t) in split(mu, alpha, smith, &integration).iter().zip(truth) {
                         let z = (e.value - t.value) / e.error;
-                        assert!(z.abs() < SIGMAS, "{smith:?} mu {mu} alpha {alpha}: {e:?}, truth {}, {z:.1} sigma", t.value);
+                        assert!(
+                            z.abs() < SIGMAS,
+                            "{smith:?} mu {mu} alpha {alpha}: {e:?}, truth {}, {z:.1} sigma",
+                            t.value
+                        );
                         assert!(e.error <= 1e-4, "{smith:?} mu {mu} alpha {alpha}: tolerance not reached: {e:?}");
                         (squares, n) = (squares + z * z, n + 1.0);
                     }
@@ -231,7 +243,8 @@ fn lambertian_reflects_all_by_both_witnesses() {
 
 #[test]
 fn a_tolerance_out_of_reach_stops_with_the_best_value_and_its_error() {
-    let impossible = Integration::new(Settings { tolerance: Some(1e-20), ..Settings::default() }).expect("valid settings");
+    let impossible =
+        Integration::new(Settings { tolerance: Some(1e-20), ..Settings::default() }).expect("valid settings");
     let handle = quantity::find("ggx.bias").expect("a quantity");
     let error = handle.evaluate(&at(0.5, 0.25), &Model::default(), &impossible).expect_err("1e-20 is out of reach");
     let text = error.to_string();

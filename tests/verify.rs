@@ -156,7 +156,8 @@ fn verify_spoiled_cube(folder: &Path, spoil: impl Fn(&mut Vec<Vec<f32>>)) -> Rep
     let mut levels: Vec<Vec<f32>> = texture.levels.iter().map(|l| texture.format.number.unpack(l)).collect();
     spoil(&mut levels);
     texture.levels = levels.iter().map(|l| texture.format.number.pack(l).0).collect();
-    let mut certificate = Certificate::from_json(texture.metadata(KEY).expect("a certificate")).expect("own certificate");
+    let mut certificate =
+        Certificate::from_json(texture.metadata(KEY).expect("a certificate")).expect("own certificate");
     let rgb = levels.iter().flat_map(|l| l.chunks_exact(4).flat_map(|t| t[..3].to_vec()));
     let bytes: Vec<u8> = rgb.flat_map(f32::to_le_bytes).collect();
     certificate.files[0].digest = digest([bytes.as_slice()]);

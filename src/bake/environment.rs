@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Samples per texel where neither samples nor a tolerance are asked for.
-pub const DEFAULT_SAMPLES: u64 = 2048;
+pub const DEFAULT_SAMPLES: u64 = 4096;
 /// Samples per texel beyond which a tolerance counts as out of reach.
 const MOST_SAMPLES: u64 = 1 << 18;
 /// Names of the files, in the order of their digests.
@@ -139,7 +139,13 @@ fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Ve
         let (bytes, packed) = number.pack(&rgba);
         let texels = number.unpack(&bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2]]).collect();
         report = report.merge(packed);
-        values.push(CubeLevel { name, size: cube.size, roughness: found.roughness, texels, max_error: found.max_error });
+        values.push(CubeLevel {
+            name,
+            size: cube.size,
+            roughness: found.roughness,
+            texels,
+            max_error: found.max_error,
+        });
         all.push(bytes);
     }
     (all, report, values)
@@ -155,7 +161,7 @@ pub(crate) fn ulp(number: Number) -> fn(f64) -> f64 {
 /// The largest number that a format holds.
 pub(crate) fn largest(number: Number) -> f64 {
     match number {
-        Number::F16 => f64::from(binary16::MAX),
+        Number::F16 => binary16::MAX,
         Number::F32 => f64::from(f32::MAX),
     }
 }

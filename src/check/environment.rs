@@ -68,7 +68,13 @@ impl EnvironmentValues<'_> {
         for level in self.levels {
             let values = || level.texels.iter().flatten();
             let bad = values().filter(|v| !v.is_finite()).count();
-            checks.push(Check::at_most("values that are not finite", &level.name, bad as f64, 0.0, "counted over all texels"));
+            checks.push(Check::at_most(
+                "values that are not finite",
+                &level.name,
+                bad as f64,
+                0.0,
+                "counted over all texels",
+            ));
             if !may_be_negative {
                 let negative = values().filter(|&&v| v < 0.0).count();
                 let detail = "counted over all texels";
@@ -101,7 +107,11 @@ impl EnvironmentValues<'_> {
             }
             let kernel = Kernel::new(alpha);
             let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
-            let name = if full { "full sum at every texel".to_owned() } else { format!("full sum at {} texels", texels.len()) };
+            let name = if full {
+                "full sum at every texel".to_owned()
+            } else {
+                format!("full sum at {} texels", texels.len())
+            };
             let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
             checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
         }
@@ -153,9 +163,9 @@ fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
         side * cos + up * sin
     });
-    let beside = [0.03, 0.1, 0.3].into_iter().flat_map(|angle: f64| {
-        [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin())
-    });
+    let beside = [0.03, 0.1, 0.3]
+        .into_iter()
+        .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
     let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
     texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, d)));
     let last = level.size * level.size - 1;

@@ -13,8 +13,10 @@ use std::path::{Path, PathBuf};
 
 /// Prefilter one environment: specular chain, irradiance and spherical harmonics
 #[derive(Debug, Args)]
-#[command(after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json. Orientation: +Y up; a direction d \
-                        samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z.")]
+#[command(
+    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json. Orientation: +Y up; a direction d \
+                        samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
+)]
 pub struct Env {
     /// Equirectangular panorama (.hdr or .exr, 2:1), or builtin:NAME: see `kiln list environments`
     input: String,
@@ -95,7 +97,8 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         console.warn(&format!("{}: {} values were not finite and are zero now", recipe.input, report.nonfinite));
     }
     if report.negative > 0 {
-        let fate = if recipe.negatives == Negatives::Keep { "kept; --negatives clamp removes them" } else { "zero now" };
+        let fate =
+            if recipe.negatives == Negatives::Keep { "kept; --negatives clamp removes them" } else { "zero now" };
         console.warn(&format!(
             "{}: {} values were below zero (down to {}) and are {fate}",
             recipe.input, report.negative, report.min

@@ -103,8 +103,12 @@ fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
     let texel = panorama.texel_box(column, row);
     let (phi, y) = (0.5 * (texel.phi[0] + texel.phi[1]), 0.5 * (texel.y[0] + texel.y[1]));
     let r = ((1.0 - y) * (1.0 + y)).max(0.0).sqrt(); // y is within [−1, 1] up to one rounding
-    let darkest =
-        panorama.texels().iter().map(|t| luminance(t.map(f64::from))).filter(|&l| l > 0.0).fold(f64::INFINITY, f64::min);
+    let darkest = panorama
+        .texels()
+        .iter()
+        .map(|t| luminance(t.map(f64::from)))
+        .filter(|&l| l > 0.0)
+        .fold(f64::INFINITY, f64::min);
     PanoramaFacts {
         mean_luminance: luminance(panorama.mean()),
         peak_luminance: peak,
@@ -190,7 +194,10 @@ fn text(facts: &Facts) -> String {
                 );
             }
             for lookup in &c.lookup {
-                text += &format!("  {} through bilinear filtering: ±{:.1e}, RMS {:.1e}\n", lookup.channel, lookup.max, lookup.rms);
+                text += &format!(
+                    "  {} through bilinear filtering: ±{:.1e}, RMS {:.1e}\n",
+                    lookup.channel, lookup.max, lookup.rms
+                );
             }
             for level in &c.levels {
                 text += &format!(

@@ -52,10 +52,16 @@ pub const BUILTINS: [Builtin; 4] = [
 pub fn builtin(name: &str, width: usize) -> Result<Panorama> {
     let Some(builtin) = BUILTINS.iter().find(|builtin| builtin.name == name) else {
         let names: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();
-        return Err(Error::usage(format!("there is no built-in environment {name}"), format!("use one of {}", names.join(", "))));
+        return Err(Error::usage(
+            format!("there is no built-in environment {name}"),
+            format!("use one of {}", names.join(", ")),
+        ));
     };
     if width % 2 == 1 || width < 4 {
-        return Err(Error::usage(format!("panorama of width {width}: an even width of at least 4 is wanted"), "use 1024"));
+        return Err(Error::usage(
+            format!("panorama of width {width}: an even width of at least 4 is wanted"),
+            "use 1024",
+        ));
     }
     (builtin.make)(width)
 }

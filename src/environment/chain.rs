@@ -73,7 +73,10 @@ impl ChainSpec {
     ///
     /// A single level is a mirror.
     pub fn new(size: usize, min_size: usize) -> Self {
-        let levels = 1 + std::iter::successors(Some(size), |s| Some(s / 2)).skip(1).take_while(|&s| s >= min_size.max(1)).count();
+        let levels = 1 + std::iter::successors(Some(size), |s| Some(s / 2))
+            .skip(1)
+            .take_while(|&s| s >= min_size.max(1))
+            .count();
         let last = (levels - 1).max(1) as f64;
         let roughness = (0..levels).map(|level| level as f64 / last).collect();
         Self { size, roughness, samples: 4096, seed: 0, integrator: Integrator::default() }
@@ -99,7 +102,10 @@ impl ChainSpec {
             ));
         }
         if let Some(wrong) = self.roughness.iter().find(|r| !(0.0..=1.0).contains(*r)) {
-            return Err(Error::usage(format!("roughness {wrong} is not in [0, 1]"), "correct the list of roughness values"));
+            return Err(Error::usage(
+                format!("roughness {wrong} is not in [0, 1]"),
+                "correct the list of roughness values",
+            ));
         }
         if self.integrator != Integrator::Quadrature && self.samples < MIN_SAMPLES {
             return Err(Error::usage(
@@ -137,7 +143,7 @@ pub(super) struct Filter<'a> {
 }
 
 enum Witness<'a> {
-    MonteCarlo(MonteCarlo),
+    MonteCarlo(Box<MonteCarlo<'a>>),
     Quadrature(FullSum<'a>),
 }
 
@@ -145,7 +151,9 @@ impl<'a> Filter<'a> {
     pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec) -> Self {
         let witness = match spec.integrator {
             Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
-            Integrator::Auto | Integrator::MonteCarlo => Witness::MonteCarlo(MonteCarlo::new(panorama, spec.seed)),
+            Integrator::Auto | Integrator::MonteCarlo => {
+                Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed)))
+            }
         };
         Self { panorama, samples: spec.samples, witness }
     }

@@ -26,9 +26,7 @@ impl Cube {
 
     /// The texel in a direction: the nearest one, not filtered.
     pub fn nearest(&self, direction: DVec3) -> [f32; 3] {
-        let (face, u, v) = locate(direction);
-        let index = |t: f64| (((t + 1.0) / 2.0 * self.size as f64) as usize).min(self.size - 1);
-        self.face(face)[index(v) * self.size + index(u)]
+        self.texels[nearest_texel(self.size, direction)]
     }
 
     /// Mean over the sphere of the texels as they are, weighted by their exact solid angles.
@@ -124,7 +122,10 @@ mod tests {
         for face in 0..6 {
             for (u, v) in [(0.0, 0.0), (0.3, -0.7), (-0.99, 0.98), (0.5, 0.999)] {
                 let (f, a, b) = locate(face_point(face, u, v) * 3.0);
-                assert!(f == face && (a - u).abs() < 1e-15 && (b - v).abs() < 1e-15, "{face} ({u}, {v}): {f} ({a}, {b})");
+                assert!(
+                    f == face && (a - u).abs() < 1e-15 && (b - v).abs() < 1e-15,
+                    "{face} ({u}, {v}): {f} ({a}, {b})"
+                );
             }
         }
     }

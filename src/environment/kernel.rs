@@ -171,7 +171,10 @@ mod tests {
                 let back = kernel.invert(w, azimuth);
                 // Rounding grows by the slope of the warp near its end, (1 − β)/(1 − βξ)² / (w/ξ) <= 1/(1 − ξ).
                 let tolerance = 4.0 * f64::EPSILON / (1.0 - xi[0]);
-                assert!((back[0] - xi[0]).abs() < tolerance && (back[1] - xi[1]).abs() < 1e-15, "{alpha} {xi:?}: {back:?}");
+                assert!(
+                    (back[0] - xi[0]).abs() < tolerance && (back[1] - xi[1]).abs() < 1e-15,
+                    "{alpha} {xi:?}: {back:?}"
+                );
             }
         }
     }
@@ -202,7 +205,8 @@ mod tests {
             let rest = n as f64 - wanted.iter().sum::<f64>();
             wanted[bins as usize] = rest;
             let used = |w: f64| w >= 5.0;
-            let chi2: f64 = seen.iter().zip(&wanted).filter(|(_, w)| used(**w)).map(|(s, w)| (s - w) * (s - w) / w).sum();
+            let chi2: f64 =
+                seen.iter().zip(&wanted).filter(|(_, w)| used(**w)).map(|(s, w)| (s - w) * (s - w) / w).sum();
             let freedom = wanted.iter().filter(|w| used(**w)).count() as f64 - 1.0;
             // Wilson-Hilferty at 5 sigma: false alarm 3e-7.
             let k = 2.0 / (9.0 * freedom);

@@ -93,7 +93,13 @@ fn project_radiance(panorama: &Panorama) -> Coefficients {
             let half = (b - a) / 2.0;
             let (middle, double) = ((a + b) / 2.0, a + b);
             let (first, second) = (2.0 * half.sin(), (2.0 * half).sin());
-            [TAU / width as f64, middle.sin() * first, middle.cos() * first, double.sin() * second, double.cos() * second]
+            [
+                TAU / width as f64,
+                middle.sin() * first,
+                middle.cos() * first,
+                double.sin() * second,
+                double.cos() * second,
+            ]
         })
         .collect();
     let mean = panorama.mean();

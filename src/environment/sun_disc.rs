@@ -44,8 +44,7 @@ fn overlaps(width: usize, centre: DVec3) -> Vec<(usize, f64)> {
         if step <= 0.0 {
             continue;
         }
-        let halves: Vec<f64> =
-            (0..LINES).map(|line| half_width(low + (line as f64 + 0.5) * step, centre)).collect();
+        let halves: Vec<f64> = (0..LINES).map(|line| half_width(low + (line as f64 + 0.5) * step, centre)).collect();
         for column in 0..width {
             let b = texel_box(width, column, row);
             let overlap: f64 = halves.iter().map(|half| common(b.phi, azimuth, *half) * step).sum();
@@ -84,12 +83,18 @@ mod tests {
     #[test]
     fn overlaps_sum_to_the_disc() {
         let disc = TAU * 2.0 * (ANGULAR_RADIUS / 2.0).sin().powi(2);
-        for (elevation, azimuth) in [(30.0, 50.0), (89.9, 10.0), (90.0, 0.0), (-90.0, 0.0), (0.1, 179.95), (45.0, -180.0)] {
+        for (elevation, azimuth) in
+            [(30.0, 50.0), (89.9, 10.0), (90.0, 0.0), (-90.0, 0.0), (0.1, 179.95), (45.0, -180.0)]
+        {
             for width in [16, 256, 1024, 4096] {
-                let total: f64 = overlaps(width, direction(elevation, azimuth)).iter().map(|(_, overlap)| overlap).sum();
+                let total: f64 =
+                    overlaps(width, direction(elevation, azimuth)).iter().map(|(_, overlap)| overlap).sum();
                 // The lines' error: the disc's edge is a square root at both ends, 1/n^1.5 each.
                 let tolerance = 2.0 * (LINES as f64).powf(-1.5);
-                assert!((total / disc - 1.0).abs() < tolerance, "{elevation}° {azimuth}° in {width}: {total}, wanted {disc}");
+                assert!(
+                    (total / disc - 1.0).abs() < tolerance,
+                    "{elevation}° {azimuth}° in {width}: {total}, wanted {disc}"
+                );
             }
         }
     }

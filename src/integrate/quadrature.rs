@@ -168,7 +168,7 @@ fn over_elevation<const K: usize>(
     let above = FRAC_PI_2 - e_o;
     if above > 0.0 {
         // Beside the peak's own poles stands that of G2 at −e_o, which becomes a branch point of the whole when e_o is 0.
-        let nearest = (2.0 * width).min((2.0 * e_o).max(BRANCH * width));
+        let nearest = (2.0 * width).min((2.0 * e_o).max(BRANCH * width.min(1.0)));
         panel(rules.at_scale(nearest / above), above, &|t| (e_o + t, t));
     }
     // From the peak halfway down to the horizon, and from the horizon halfway up to the peak.
@@ -181,7 +181,7 @@ fn over_elevation<const K: usize>(
 }
 
 /// How far below the width a branch point of second order at the horizon itself must be resolved, for its third power to vanish.
-const BRANCH: f64 = 1e-5;
+const BRANCH: f64 = 1e-7;
 
 /// Wider than any interval of angles.
 const FAR: f64 = 10.0;

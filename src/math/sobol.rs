@@ -69,9 +69,8 @@ impl<const D: usize> PointSet<D> {
     /// The points of the sequence with these indices, without keeping them.
     pub fn range(&self, indices: Range<u64>) -> Vec<[f64; D]> {
         let directions: [[u32; DIGITS as usize]; D] = std::array::from_fn(direction_numbers);
-        let coordinate = |index: u64, dimension: usize| {
-            scramble(sobol(&directions[dimension], index as u32), self.keys[dimension])
-        };
+        let coordinate =
+            |index: u64, dimension: usize| scramble(sobol(&directions[dimension], index as u32), self.keys[dimension]);
         indices.map(|index| std::array::from_fn(|dimension| coordinate(index, dimension))).collect()
     }
 

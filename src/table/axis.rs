@@ -90,7 +90,10 @@ impl Axis {
         }
         if self.size > LARGEST_SIZE {
             return Err(Error::usage(
-                format!("size {} of axis {name} is more than the {LARGEST_SIZE} that graphics hardware samples", self.size),
+                format!(
+                    "size {} of axis {name} is more than the {LARGEST_SIZE} that graphics hardware samples",
+                    self.size
+                ),
                 "use a smaller one, such as 128",
             ));
         }

@@ -20,7 +20,8 @@ use crate::model::fresnel::schlick_weight;
 use crate::model::ggx::{Ggx, Smith};
 use std::f64::consts::LN_2;
 
-const KARIS: &str = "Karis 2013, \"Real Shading in Unreal Engine 4\" (the split); Walter et al. 2007 and Heitz 2014 (the lobe)";
+const KARIS: &str =
+    "Karis 2013, \"Real Shading in Unreal Engine 4\" (the split); Walter et al. 2007 and Heitz 2014 (the lobe)";
 const KULLA_CONTY: &str = "Kulla and Conty 2017, \"Revisiting Physically Based Shading at Imageworks\"";
 
 /// `ggx.scale`, `ggx.bias` and `ggx.albedo`.
@@ -111,7 +112,9 @@ impl Family for Split {
             }
         }
         if mu == 0.0 && alpha > 0.0 && model.smith == Smith::Correlated {
-            known.push(Identity { quantity: 2, value: 1.0, slack: 0.0, fact: "E → 1 as mu → 0 with correlated Smith" });
+            known.push(Identity {
+                quantity: 2, value: 1.0, slack: 0.0, fact: "E → 1 as mu → 0 with correlated Smith"
+            });
         }
         known
     }

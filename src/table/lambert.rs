@@ -43,9 +43,8 @@ impl Family for Lambertian {
 
     fn monte_carlo(&self, at: &Point, _model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
         let wo = direction_with_cosine(at.get(Parameter::Mu)?).max(DVec3::Z * f64::MIN_POSITIVE);
-        let (estimates, _) = integration
-            .points2
-            .integrate(integration.stop(), |u| [WHITE.sample(wo, u).map_or(0.0, |s| s.weight)]);
+        let (estimates, _) =
+            integration.points2.integrate(integration.stop(), |u| [WHITE.sample(wo, u).map_or(0.0, |s| s.weight)]);
         Ok(estimates.into())
     }
 

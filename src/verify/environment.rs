@@ -25,15 +25,19 @@ pub(super) fn verify(
             let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
-            let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
-            let judged = EnvironmentValues { levels: &levels, ulp: ulp(format.number), largest: largest(format.number) };
+            let FormatSpec::Ktx2(format) = recipe.format else {
+                unreachable!("EnvironmentRecipe::check allows KTX2 only")
+            };
+            let judged =
+                EnvironmentValues { levels: &levels, ulp: ulp(format.number), largest: largest(format.number) };
             report.checks.extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative > 0)));
             if let Some(panorama) = &panorama {
                 // Other texels than those that the bake looked at.
                 let seed = recipe.integration.seed.wrapping_add(0x5EED);
                 report.checks.extend(judged.against(panorama, seed, options.full));
             }
-            let names: Vec<String> = levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
+            let names: Vec<String> =
+                levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
             let kind = if levels[0].name == "irradiance" { "irradiance E/π" } else { "specular chain" };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
@@ -46,8 +50,11 @@ pub(super) fn verify(
             report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, p)));
         }
         Content::Picture(_) => {
-            return Err(Error::invalid("a picture, where the certificate says a cube", "give the environment's own file")
-                .in_file(path));
+            return Err(Error::invalid(
+                "a picture, where the certificate says a cube",
+                "give the environment's own file",
+            )
+            .in_file(path));
         }
     }
     Ok(report)
@@ -73,11 +80,17 @@ fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &Environme
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == "irradiance");
     let roughness = recipe.level_roughness();
     // Which of the two cubes this is, its shape says; where both have the same, the levels say.
-    let claimed = if texture.levels.len() == specular.len() && texture.width == recipe.size { specular } else { irradiance };
+    let claimed =
+        if texture.levels.len() == specular.len() && texture.width == recipe.size { specular } else { irradiance };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
     if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
         return Err(Error::invalid(
-            format!("{}, where the certificate says a cube chain from {} or {}", shape(texture.levels.len()), recipe.size, recipe.irradiance_size),
+            format!(
+                "{}, where the certificate says a cube chain from {} or {}",
+                shape(texture.levels.len()),
+                recipe.size,
+                recipe.irradiance_size
+            ),
             "bake the environment again",
         ));
     }

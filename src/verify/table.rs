@@ -27,12 +27,18 @@ pub(super) fn verify(
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
     let ulp = if recipe.format.number() == Number::F16 { binary16::ulp } else { binary32::ulp };
     let judged = TableValues { spec: &spec, values: &values, errors: &errors, kind, ulp };
-    let mut checks: Vec<Check> = digest_check(path, certificate, &texel_digest([texels.as_slice()])).into_iter().collect();
+    let mut checks: Vec<Check> =
+        digest_check(path, certificate, &texel_digest([texels.as_slice()])).into_iter().collect();
     checks.extend(judged.facts());
     checks.extend(judged.every_texel()?);
     checks.extend(judged.random_witness(recipe.integration.seed, options.full)?);
     let axes: Vec<String> = recipe.axes.iter().map(ToString::to_string).collect();
-    let claim = format!("table of {} over {} ({} Smith)", recipe.channels.join(", "), axes.join(" × "), recipe.model.smith.name());
+    let claim = format!(
+        "table of {} over {} ({} Smith)",
+        recipe.channels.join(", "),
+        axes.join(" × "),
+        recipe.model.smith.name()
+    );
     Ok(Report { file: path.to_owned(), claim, checks, skipped: vec![] })
 }
 
@@ -61,7 +67,10 @@ fn texels(content: &Content, spec: &TableSpec) -> Result<Vec<f32>> {
             same_size(image.width, image.height)?;
             let index = |name: &str| {
                 image.channel_index(name).ok_or_else(|| {
-                    Error::invalid(format!("no channel {name} among {}", image.channels.join(", ")), "bake the file again")
+                    Error::invalid(
+                        format!("no channel {name} among {}", image.channels.join(", ")),
+                        "bake the file again",
+                    )
                 })
             };
             let order: Vec<usize> = spec.channels.iter().map(|c| index(c.quantity.name)).collect::<Result<_>>()?;
@@ -79,6 +88,8 @@ fn texels(content: &Content, spec: &TableSpec) -> Result<Vec<f32>> {
             }
             Ok(values.chunks_exact(stored).flat_map(|t| t[..n].iter().copied()).collect())
         }
-        Content::Json(_) => Err(Error::invalid("JSON, where the certificate says a table", "give the table's own file")),
+        Content::Json(_) => {
+            Err(Error::invalid("JSON, where the certificate says a table", "give the table's own file"))
+        }
     }
 }
