@@ -3,9 +3,12 @@
 //! Every lobe keeps the protocol of three: [`Lobe::f`], [`Lobe::sample`], [`Lobe::pdf`], and [`Lobe::invert`] undoes the
 //! sampling. Directions are unit, point away from the surface, and live in the local frame whose normal is +z.
 
+pub mod burley;
+pub mod cosine;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
+pub mod oren_nayar;
 
 use glam::DVec3;
 

@@ -1,10 +1,11 @@
 //! Tables: quantities × axes, integrated texel by texel.
 //!
 //! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`bake`] integrates, and [`named`] lists
-//! the tables that have a name. One file per family of quantities computes: [`fresnel`], [`ggx`], [`lambert`].
+//! the tables that have a name. One file per family of quantities computes: [`diffuse`], [`fresnel`], [`ggx`], [`lambert`].
 
 pub mod axis;
 mod bake;
+pub mod diffuse;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;

@@ -288,6 +288,11 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::fresnel::SCHLICK_AVERAGE,
     &super::fresnel::DIELECTRIC_AVERAGE,
     &super::fresnel::CONDUCTOR_AVERAGE,
+    &super::diffuse::BURLEY,
+    &super::diffuse::BURLEY_RENORMALIZED,
+    &super::diffuse::OREN_NAYAR,
+    &super::diffuse::FUJII,
+    &super::diffuse::EON,
 ];
 
 /// Every quantity with its family and its place in it.
