@@ -24,14 +24,14 @@ fn random(seed: u64) -> Integration {
 /// [scale, bias, albedo].
 fn split(mu: f64, alpha: f64, smith: Smith, integration: &Integration) -> Vec<Estimate> {
     let family = quantity::find("ggx.scale").expect("a quantity").family;
-    evaluate_family(family, &at(mu, alpha), &Model { smith }, integration).expect("in the domain")
+    evaluate_family(family, &at(mu, alpha), &Model { smith, ..Model::default() }, integration).expect("in the domain")
 }
 
 fn average(alpha: f64, smith: Smith, integration: &Integration) -> Estimate {
     let point = Point::default().with(Parameter::Alpha, alpha).expect("in the domain");
     quantity::find("ggx.albedo_avg")
         .expect("a quantity")
-        .evaluate(&point, &Model { smith }, integration)
+        .evaluate(&point, &Model { smith, ..Model::default() }, integration)
         .expect("reached")
 }
 
@@ -105,7 +105,7 @@ fn mirror_limit_holds_within_its_stated_slack() {
             for ratio in decades(-4.0, 20) {
                 let point = at(mu, 0.01 * mu * ratio);
                 let family = quantity::find("ggx.scale").expect("a quantity").family;
-                let model = Model { smith };
+                let model = Model { smith, ..Model::default() };
                 let values = evaluate_family(family, &point, &model, &exact()).expect("in the domain");
                 let known = family.identities(&point, &model);
                 assert!(known.len() >= 3, "{point:?} has no mirror limit");

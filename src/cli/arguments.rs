@@ -3,6 +3,7 @@
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
 use kiln::integrate::{Integrator, Settings};
 use kiln::model::ggx::Smith;
+use kiln::model::layered::Kd;
 use kiln::table::Parameter;
 
 /// `--integrator`, in words.
@@ -30,6 +31,27 @@ impl From<SmithName> for Smith {
         match name {
             SmithName::Correlated => Self::Correlated,
             SmithName::Separable => Self::Separable,
+        }
+    }
+}
+
+/// `--kd`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum KdName {
+    /// 1 − F(wo·h)
+    Fresnel,
+    /// 1 − R(μo), R the specular albedo
+    Albedo,
+    /// (1 − R(μo))(1 − R(μi))/(1 − R_avg)
+    Reciprocal,
+}
+
+impl From<KdName> for Kd {
+    fn from(name: KdName) -> Self {
+        match name {
+            KdName::Fresnel => Self::Fresnel,
+            KdName::Albedo => Self::Albedo,
+            KdName::Reciprocal => Self::Reciprocal,
         }
     }
 }

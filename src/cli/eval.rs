@@ -1,6 +1,6 @@
 //! `kiln eval`: exact values of a quantity.
 
-use super::arguments::{IntegrationArgs, ParameterArgs, SmithName};
+use super::arguments::{IntegrationArgs, KdName, ParameterArgs, SmithName};
 use super::console::{Console, columns};
 use clap::Args;
 use kiln::integrate::{Estimate, Integration, Integrator, Settings};
@@ -29,6 +29,9 @@ pub struct Eval {
     /// Masking and shadowing
     #[arg(long, value_enum, default_value = "correlated")]
     smith: SmithName,
+    /// What a specular layer leaves to the diffuse base (layered.albedo)
+    #[arg(long, value_enum, default_value = "albedo")]
+    kd: KdName,
     #[command(flatten)]
     integration: IntegrationArgs,
 }
@@ -47,7 +50,7 @@ struct Row {
 impl Eval {
     pub fn run(&self, console: &Console) -> Result<()> {
         let handle = quantity::find(&self.quantity)?;
-        let model = Model { smith: self.smith.into() };
+        let model = Model { smith: self.smith.into(), kd: self.kd.into() };
         let settings = self.integration.over(Settings::default());
         match &self.points {
             Some(path) => many(handle, &model, settings, path, console),

@@ -61,3 +61,18 @@ pub fn between_singularities(rules: &GradedRules, singularities: &[(f64, f64)], 
     }
     sum
 }
+
+/// ∫₀¹ f(mu, tolerance) dmu for an `f` that is itself integrated, and that varies at the horizon as a microfacet lobe of width
+/// `alpha` does.
+pub fn over_cosine(tolerance: f64, alpha: f64, f: impl Fn(f64, f64) -> f64) -> Estimate {
+    climb(tolerance, |rules| {
+        let inner = (-rules.digits()).exp().max(FINEST);
+        [rules.at_scale(HORIZON * alpha).integrate(|mu| f(mu, inner))]
+    })[0]
+}
+
+/// How far below alpha an average must resolve the horizon: the non-analytic part of mu·E at mu = 0 is of third order.
+const HORIZON: f64 = 1e-4;
+
+/// The finest tolerance that inner integrals are asked for.
+const FINEST: f64 = 1e-12;

@@ -8,6 +8,8 @@ mod ladder;
 pub mod monte_carlo;
 pub mod quadrature;
 
+pub(crate) use ladder::over_cosine;
+
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 

@@ -8,6 +8,7 @@ pub mod cosine;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
+pub mod layered;
 pub mod oren_nayar;
 
 use glam::DVec3;

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::integrate::{Estimate, Integration};
 use crate::model::alpha_of_roughness;
 use crate::model::ggx::Smith;
+use crate::model::layered::{Kd, is_default};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -211,6 +212,9 @@ impl Point {
 pub struct Model {
     /// Masking and shadowing.
     pub smith: Smith,
+    /// What a specular layer leaves to the diffuse base.
+    #[serde(skip_serializing_if = "is_default")]
+    pub kd: Kd,
 }
 
 /// A function of physical parameters.
@@ -293,6 +297,9 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::diffuse::OREN_NAYAR,
     &super::diffuse::FUJII,
     &super::diffuse::EON,
+    &super::conductor::Conductor,
+    &super::layered::Layered,
+    &super::compensation::Compensation,
 ];
 
 /// Every quantity with its family and its place in it.
