@@ -46,7 +46,7 @@ static COMPENSATION: [Quantity; 5] = [
         name: "compensation.kulla-conty-squared",
         summary: "the same with Kulla and Conty's lobe, Fresnel factor times F_avg, as it is mostly implemented",
         definition: "R + (1 − E) F_avg² E_avg/(1 − F_avg (1 − E_avg))",
-        source: "Hill 2018, \"A Multi-Faceted Exploration\", part 2 (the tweak of Kulla and Conty's factor)",
+        source: "Hill 2018, \"A Multi-Faceted Exploration\" (a tweak of Kulla and Conty's factor), as shaders write it",
         parameters: PARAMETERS,
         bounds: (0.0, 1.0),
     },
