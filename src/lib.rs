@@ -5,7 +5,7 @@
 //! | floor | modules |
 //! | --- | --- |
 //! | ground | [`math`] (points, rules, frames, warps), [`pack`] (texel formats), [`error`] |
-//! | 1 | [`model`] (lobes and Fresnel), [`mod@format`] (containers) |
+//! | 1 | [`model`] (lobes and Fresnel), [`material`] (reflectances by name), [`mod@format`] (containers) |
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
@@ -34,6 +34,7 @@ pub mod environment;
 pub mod error;
 pub mod format;
 pub mod integrate;
+pub mod material;
 pub mod math;
 pub mod model;
 pub mod pack;

@@ -143,7 +143,7 @@ fn quadrature_bounds_hold() {
 
 #[test]
 fn witnesses_agree() {
-    let (mut squares, mut n) = (0.0, 0.0);
+    let (mut squares, mut n) = (0.0_f64, 0.0);
     for smith in SMITH {
         for eta in ETAS {
             for mu in decades(-3.0, 6) {
@@ -159,7 +159,7 @@ fn witnesses_agree() {
             }
         }
     }
-    let rms = (squares / n as f64).sqrt();
+    let rms = (squares / n).sqrt();
     assert!((0.6..1.4).contains(&rms), "deviations are {rms} standard errors in the root mean square");
 }
 

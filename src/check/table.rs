@@ -202,7 +202,12 @@ impl TableValues<'_> {
         } else {
             format!("Monte Carlo at {WITNESS_POINTS} texels")
         };
-        self.compare(&name, &Integration::new(settings)?, &texels)
+        let mut checks = self.compare(&name, &Integration::new(settings)?, &texels)?;
+        // A closed form cannot bear witness to itself.
+        let sampled =
+            |c: &Check| !self.spec.channels.iter().any(|h| h.quantity.name == c.subject && h.family.is_pointwise());
+        checks.retain(sampled);
+        Ok(checks)
     }
 
     fn compare(&self, name: &str, witness: &Integration, texels: &[usize]) -> Result<Vec<Check>> {

@@ -1,9 +1,11 @@
 //! Arguments that several verbs share.
 
-use clap::{Args, ValueEnum};
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
 use kiln::integrate::{Integrator, Settings};
 use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
+use kiln::model::layered::Kd;
+use kiln::table::Parameter;
 
 /// `--integrator`, in words.
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -67,6 +69,27 @@ impl From<VisibilityName> for Visibility {
     }
 }
 
+/// `--kd`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum KdName {
+    /// 1 − F(wo·h)
+    Fresnel,
+    /// 1 − R(μo), R the specular albedo
+    Albedo,
+    /// (1 − R(μo))(1 − R(μi))/(1 − R_avg)
+    Reciprocal,
+}
+
+impl From<KdName> for Kd {
+    fn from(name: KdName) -> Self {
+        match name {
+            KdName::Fresnel => Self::Fresnel,
+            KdName::Albedo => Self::Albedo,
+            KdName::Reciprocal => Self::Reciprocal,
+        }
+    }
+}
+
 /// How to integrate.
 #[derive(Debug, Clone, Default, Args)]
 pub struct IntegrationArgs {
@@ -100,4 +123,51 @@ impl IntegrationArgs {
         };
         Settings { integrator, tolerance, samples, seed: self.seed.unwrap_or(settings.seed) }
     }
+}
+
+/// One flag per physical parameter, made from the list of parameters.
+#[derive(Debug, Clone, Default)]
+pub struct ParameterArgs {
+    /// The parameters that were given, in the order of the list.
+    pub given: Vec<(Parameter, f64)>,
+}
+
+impl Args for ParameterArgs {
+    fn augment_args(command: Command) -> Command {
+        command.args(Parameter::ALL.map(|parameter| {
+            let (low, high) = parameter.domain();
+            let name = parameter.name();
+            let twins =
+                Parameter::ALL.into_iter().filter(|p| *p != parameter && p.canonical() == parameter.canonical());
+            Arg::new(name)
+                .long(name)
+                .value_name("NUMBER")
+                .value_parser(clap::value_parser!(f64))
+                .allow_negative_numbers(true)
+                .conflicts_with_all(twins.map(Parameter::name).collect::<Vec<_>>())
+                .help(format!("{}, in [{low}, {high}]", capitalised(parameter.summary())))
+        }))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for ParameterArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let value = |p: Parameter| matches.get_one::<f64>(p.name()).map(|&value| (p, value));
+        Ok(Self { given: Parameter::ALL.into_iter().filter_map(value).collect() })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The text with its first letter in upper case.
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

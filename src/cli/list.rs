@@ -5,10 +5,11 @@ use clap::{Args, ValueEnum};
 use kiln::Result;
 use kiln::environment::{BUILTIN_PREFIX, BUILTINS};
 use kiln::format::FormatSpec;
+use kiln::material::{self, MATERIALS, Material, Part};
 use kiln::table::{Axis, Parameter, named, quantity};
 use serde::Serialize;
 
-/// List tables, quantities, formats or environments
+/// List tables, quantities, materials, formats or environments
 #[derive(Debug, Args)]
 pub struct List {
     /// What to list
@@ -22,6 +23,8 @@ enum What {
     Tables,
     /// Quantities that can be in a channel, and the parameters they depend on
     Quantities,
+    /// Reflectances at normal incidence, to be named by `kiln eval --material`
+    Materials,
     /// Containers and number formats
     Formats,
     /// Built-in environments
@@ -51,6 +54,7 @@ impl List {
         match self.what {
             What::Tables => tables(console),
             What::Quantities => quantities(console),
+            What::Materials => materials(console),
             What::Formats => formats(console),
             What::Environments => environments(console),
         }
@@ -98,6 +102,46 @@ fn quantities(console: &Console) -> Result<()> {
         Parameter::ALL.iter().map(|p| vec![p.name().to_owned(), p.summary().to_owned()]).collect();
     text += &columns(&["parameter", "what it is"], &cells);
     console.print(&text)
+}
+
+/// One channel of a metal, or one end of a dielectric's range.
+#[derive(Serialize)]
+struct MaterialRow {
+    name: &'static str,
+    part: &'static str,
+    f0: f64,
+    srgb: u8,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    eta: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    k: Option<f64>,
+}
+
+fn materials(console: &Console) -> Result<()> {
+    let row = |m: &'static Material, p: Part| MaterialRow {
+        name: m.name,
+        part: p.name,
+        f0: p.f0,
+        srgb: material::srgb_byte(p.f0),
+        eta: p.eta,
+        n: p.index.map(|[n, _]| n),
+        k: p.index.map(|[_, k]| k),
+    };
+    let rows: Vec<MaterialRow> = MATERIALS.iter().flat_map(|m| m.parts().into_iter().map(move |p| row(m, p))).collect();
+    if console.json {
+        return console.print_json(&rows);
+    }
+    let number = |v: Option<f64>| v.map_or_else(String::new, |v| format!("{v:.4}"));
+    let cells: Vec<Vec<String>> = rows
+        .iter()
+        .map(|r| {
+            let (name, part) = (r.name.to_owned(), r.part.to_owned());
+            vec![name, part, format!("{:.3}", r.f0), r.srgb.to_string(), number(r.eta), number(r.n), number(r.k)]
+        })
+        .collect();
+    console.print(&columns(&["material", "part", "f0", "srgb", "eta", "n", "k"], &cells))
 }
 
 fn formats(console: &Console) -> Result<()> {

@@ -3,8 +3,12 @@
 //! Every number has two witnesses: [`monte_carlo`], random and general, and [`quadrature`], deterministic and written per kind of
 //! integrand. They share neither samples nor changes of variables.
 
+mod cosine;
+pub mod fresnel;
 pub mod monte_carlo;
 pub mod quadrature;
+
+pub(crate) use cosine::over_cosine;
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};

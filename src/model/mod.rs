@@ -4,11 +4,15 @@
 //! sampling. Directions are unit, point away from the surface, and live in the local frame whose normal is +z.
 
 pub mod beckmann;
+pub mod burley;
 pub mod charlie;
+pub mod cosine;
 pub mod dielectric;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
+pub mod layered;
+pub mod oren_nayar;
 pub mod smith;
 
 use glam::DVec3;

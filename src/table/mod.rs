@@ -1,19 +1,25 @@
 //! Tables: quantities × axes, integrated texel by texel.
 //!
-//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`TableSpec::bake`] integrates, and [`named`] lists
-//! the tables that have a name. One file per family of quantities computes: [`ggx`], [`beckmann`], [`charlie`], [`dielectric`],
-//! [`lambert`].
+//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`TableSpec::bake`] integrates, and [`named`]
+//! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`beckmann`], [`charlie`], [`dielectric`],
+//! [`conductor`], [`diffuse`], [`fresnel`], [`lambert`], [`layered`], [`compensation`]; [`specular`] holds what two of them share.
 
 pub mod axis;
 mod bake;
 pub mod beckmann;
 pub mod charlie;
+pub mod compensation;
+pub mod conductor;
 pub mod dielectric;
+pub mod diffuse;
+pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
+pub mod layered;
 pub mod lookup;
 pub mod named;
 pub mod quantity;
+pub mod specular;
 
 pub use axis::{Axis, Sampling};
 pub use bake::{Evaluator, Progress, Table, TableSpec};

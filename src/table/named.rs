@@ -55,6 +55,24 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["charlie.albedo"],
         axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
     },
+    NamedTable {
+        name: "fresnel-schlick",
+        summary: "Schlick's reflectance over the angle and F0",
+        channels: &["fresnel.schlick"],
+        axes: &[(Parameter::Mu, 64), (Parameter::F0, 64)],
+    },
+    NamedTable {
+        name: "burley-albedo",
+        summary: "directional albedo of Disney's diffuse lobe, and of Frostbite's renormalised one",
+        channels: &["burley.albedo", "burley-renormalized.albedo"],
+        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+    },
+    NamedTable {
+        name: "fujii-albedo",
+        summary: "directional albedo E of Fujii's lobe, from which EON's compensation follows for any colour",
+        channels: &["fujii.albedo"],
+        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+    },
 ];
 
 impl NamedTable {

@@ -5,6 +5,7 @@ use crate::integrate::{Estimate, Integration};
 use crate::model::alpha_of_roughness;
 use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
+use crate::model::layered::Kd;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -18,8 +19,20 @@ pub enum Parameter {
     Alpha,
     /// The artist's value: alpha = roughness².
     Roughness,
-    /// Relative index of refraction.
+    /// Reflectance at normal incidence.
+    F0,
+    /// What remains at 82° of Schlick's reflectance.
+    F82,
+    /// Relative index of refraction of a dielectric.
     Eta,
+    /// Real part of a conductor's index of refraction.
+    N,
+    /// Imaginary part of a conductor's index of refraction.
+    K,
+    /// Standard deviation of the slope angle of a rough diffuse surface.
+    Sigma,
+    /// Albedo of a diffuse surface.
+    Rho,
 }
 
 /// What is known of a parameter: one row each.
@@ -50,17 +63,54 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         summary: "the artist's value; alpha = roughness²",
         domain: (0.0, 1.0),
     },
+    Facts { parameter: Parameter::F0, name: "f0", summary: "reflectance at normal incidence", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::F82,
+        name: "f82",
+        summary: "what remains of Schlick's reflectance at 82°; 1 is no tint",
+        domain: (0.0, 1.0),
+    },
     Facts {
         parameter: Parameter::Eta,
         name: "eta",
         summary: "relative index of refraction n_t/n_i: below 1 from the denser side",
         domain: (0.25, 4.0),
     },
+    Facts {
+        parameter: Parameter::N,
+        name: "n",
+        summary: "real part of a conductor's relative index of refraction",
+        domain: (0.01, 20.0),
+    },
+    Facts {
+        parameter: Parameter::K,
+        name: "k",
+        summary: "imaginary part of a conductor's relative index of refraction",
+        domain: (0.0, 30.0),
+    },
+    Facts {
+        parameter: Parameter::Sigma,
+        name: "sigma",
+        summary: "standard deviation of the slope angle of a rough diffuse surface, in radians",
+        domain: (0.0, std::f64::consts::FRAC_PI_2),
+    },
+    Facts { parameter: Parameter::Rho, name: "rho", summary: "albedo of a diffuse surface", domain: (0.0, 1.0) },
 ];
 
 impl Parameter {
     /// Every parameter.
-    pub const ALL: [Self; 4] = [Self::Mu, Self::Alpha, Self::Roughness, Self::Eta];
+    pub const ALL: [Self; 10] = [
+        Self::Mu,
+        Self::Alpha,
+        Self::Roughness,
+        Self::F0,
+        Self::F82,
+        Self::Eta,
+        Self::N,
+        Self::K,
+        Self::Sigma,
+        Self::Rho,
+    ];
 
     fn facts(self) -> &'static Facts {
         let facts = &FACTS[self as usize];
@@ -165,6 +215,8 @@ pub struct Model {
     pub smith: Smith,
     /// The visibility term of the sheen.
     pub visibility: Visibility,
+    /// What a specular layer leaves to the diffuse base.
+    pub kd: Kd,
 }
 
 /// A function of physical parameters.
@@ -207,6 +259,12 @@ pub trait Family: Sync {
     /// The random witness: a standard error per quantity, when `integration.stop()` says enough.
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>>;
 
+    /// Whether the quantities are closed forms of their parameters, with nothing to integrate: both witnesses are then the same
+    /// value, a bound, and neither proves anything of the other.
+    fn is_pointwise(&self) -> bool {
+        false
+    }
+
     /// Known exact values at `at`, as (quantity, value, what it is called), for tests and `verify`.
     fn identities(&self, at: &Point, model: &Model) -> Vec<Identity>;
 }
@@ -235,6 +293,21 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::dielectric::Directional,
     &super::dielectric::Average,
     &super::lambert::Lambertian,
+    &super::fresnel::SCHLICK,
+    &super::fresnel::DIELECTRIC,
+    &super::fresnel::CONDUCTOR,
+    &super::fresnel::F82,
+    &super::fresnel::SCHLICK_AVERAGE,
+    &super::fresnel::DIELECTRIC_AVERAGE,
+    &super::fresnel::CONDUCTOR_AVERAGE,
+    &super::diffuse::BURLEY,
+    &super::diffuse::BURLEY_RENORMALIZED,
+    &super::diffuse::OREN_NAYAR,
+    &super::diffuse::FUJII,
+    &super::diffuse::EON,
+    &super::conductor::Conductor,
+    &super::layered::Layered,
+    &super::compensation::Compensation,
 ];
 
 /// Every quantity with its family and its place in it.

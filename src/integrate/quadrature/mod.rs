@@ -65,6 +65,14 @@ fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> 
     best
 }
 
+/// [`climb`] for an integral that needs the plain rules only and knows no defect of its own.
+pub(super) fn climb_rules<const K: usize>(
+    tolerance: f64,
+    integral: impl Fn(&GradedRules) -> [f64; K],
+) -> [Estimate; K] {
+    climb(tolerance, |rung| Sum { values: integral(&rung.rules), defect: 0.0 })
+}
+
 /// What the indicators of error are multiplied with to be a bound; a test scans the whole domain for values that break it.
 const SAFETY: f64 = 4.0;
 
