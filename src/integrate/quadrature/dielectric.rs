@@ -181,7 +181,7 @@ impl View<'_> {
     fn over_azimuth(&self, cone: &Cone, b: f64, start: (f64, f64), end: (f64, f64), g: impl Fn(f64) -> f64) -> f64 {
         let (low, high) = (start.0.clamp(0.0, 1.0), end.0.min(1.0));
         // A NaN here is 0/0: a cone without extent.
-        if !(high > low) {
+        if high.is_nan() || low.is_nan() || high <= low {
             return 0.0;
         }
         let alpha2 = self.alpha().powi(2);
