@@ -6,7 +6,7 @@ mod environment;
 mod table;
 
 pub use environment::{DEFAULT_SAMPLES, SH_SCHEMA, ShFile, environment, environment_texels};
-pub(crate) use environment::{largest, ulp};
+pub(crate) use environment::{IRRADIANCE, largest, ulp};
 pub use table::table;
 
 use crate::certificate::{self, Certificate};

@@ -29,6 +29,8 @@ use std::path::{Path, PathBuf};
 pub const SCHEMA: &str = "kiln-certificate/1";
 /// The metadata key under which a certificate is embedded.
 pub const KEY: &str = "kiln.certificate";
+/// The metadata key under which a cube says which of an environment's it is.
+pub const CONTENT_KEY: &str = "kiln.content";
 /// Counts the changes to the algorithms that change bytes.
 pub const ALGORITHMS: u32 = 1;
 

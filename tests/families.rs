@@ -61,7 +61,7 @@ fn bounds_hold(name: &str, models: &[Model], points: &[Point]) {
 }
 
 fn witnesses_agree(name: &str, models: &[Model], points: &[Point]) {
-    let (mut squares, mut n) = (0.0, 0.0);
+    let (mut squares, mut n) = (0.0_f64, 0.0);
     for model in models {
         for point in points {
             let truth = values(name, point, model, &quadrature(1e-9));
@@ -72,7 +72,7 @@ fn witnesses_agree(name: &str, models: &[Model], points: &[Point]) {
             }
         }
     }
-    let rms = (squares / n as f64).sqrt();
+    let rms = (squares / n).sqrt();
     assert!((0.6..1.4).contains(&rms), "{name}: deviations are {rms} standard errors in the root mean square of {n}");
 }
 
@@ -180,7 +180,6 @@ fn charlie_exceeds_one_at_grazing_and_tends_to_nothing_elsewhere() {
             .iter()
             .map(|p| values("charlie.albedo", p, &model, &quadrature(1e-4))[0].value)
             .fold(0.0, f64::max);
-        println!("{model:?}: highest albedo {highest}");
         if model.visibility == Visibility::Neubelt {
             assert!(highest > 1.0, "{model:?}: highest albedo {highest}");
         }

@@ -235,7 +235,7 @@ const SIGMAS: f64 = 5.0;
 
 #[test]
 fn monte_carlo_agrees_with_quadrature_within_its_standard_error() {
-    let (mut squares, mut n) = (0.0, 0.0);
+    let (mut squares, mut n) = (0.0_f64, 0.0);
     for seed in 0..2 {
         let integration = random(seed);
         for smith in Smith::ALL {
@@ -257,7 +257,7 @@ fn monte_carlo_agrees_with_quadrature_within_its_standard_error() {
         }
     }
     // Honest means neither too small nor too large: the deviations have the size that the standard errors say.
-    let rms = (squares / n as f64).sqrt();
+    let rms = (squares / n).sqrt();
     assert!((0.7..1.3).contains(&rms), "deviations are {rms} standard errors in the root mean square");
 }
 

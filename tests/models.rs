@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use kiln::math::frame::{direction_with_cosine, disk_to_square, square_to_disk};
+use kiln::math::quadrature::gauss_legendre;
 use kiln::math::sobol::PointSet;
 use kiln::math::statistics::chi_square_tail;
 use kiln::model::Lobe;
@@ -177,22 +178,33 @@ fn samples_follow_their_density_by_chi_square() {
     }
 }
 
-/// The integral of the pdf over a cell, by a midpoint rule; in z even in the root of the distance to the cell's upper end, where
-/// narrow lobes at normal incidence have their peak.
+/// The integral of the pdf over a cell, by Gauss–Legendre on quarters of it until quartering changes nothing.
 fn mass(lobe: &dyn Lobe, wo: DVec3, cell: usize) -> f64 {
-    const FINE: usize = 64;
-    let (z0, p0) = ((cell / CELLS_PHI) as f64, (cell % CELLS_PHI) as f64);
-    let mut sum = 0.0;
-    for i in 0..FINE {
-        let x = (i as f64 + 0.5) / FINE as f64;
-        let z = (z0 + 1.0 - x * x) / CELLS_Z as f64;
-        let r = ((1.0 - z) * (1.0 + z)).sqrt();
-        for j in 0..FINE {
-            let phi = (p0 + (j as f64 + 0.5) / FINE as f64) / CELLS_PHI as f64 * TAU;
-            sum += 2.0 * x * lobe.pdf(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z));
-        }
+    let (z, phi) = ((cell / CELLS_PHI) as f64 / CELLS_Z as f64, (cell % CELLS_PHI) as f64 / CELLS_PHI as f64 * TAU);
+    let rule = gauss_legendre(6);
+    let product = |[z, dz, phi, dphi]: [f64; 4]| {
+        rule.integrate(|x| {
+            rule.integrate(|y| {
+                let (z, phi) = (z + x * dz, phi + y * dphi);
+                let r = ((1.0 - z) * (1.0 + z)).sqrt();
+                lobe.pdf(wo, DVec3::new(r * phi.cos(), r * phi.sin(), z))
+            })
+        }) * dz
+            * dphi
+    };
+    // Never fewer than 4³ parts: a peak between the first few nodes would be missed.
+    refine([z, 1.0 / CELLS_Z as f64, phi, TAU / CELLS_PHI as f64], &product, 0)
+}
+
+fn refine(cell: [f64; 4], product: &impl Fn([f64; 4]) -> f64, depth: usize) -> f64 {
+    let [z, dz, phi, dphi] = [cell[0], cell[1] / 2.0, cell[2], cell[3] / 2.0];
+    let quarters =
+        [[z, dz, phi, dphi], [z + dz, dz, phi, dphi], [z, dz, phi + dphi, dphi], [z + dz, dz, phi + dphi, dphi]];
+    let (whole, parts) = (product(cell), quarters.iter().map(|&q| product(q)).sum::<f64>());
+    if depth >= 3 && (whole - parts).abs() < 1e-8 || depth == 12 {
+        return parts;
     }
-    sum * TAU / (CELLS_Z * CELLS_PHI * FINE * FINE) as f64
+    quarters.into_iter().map(|q| refine(q, product, depth + 1)).sum()
 }
 
 #[test]

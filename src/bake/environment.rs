@@ -17,11 +17,13 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Samples per texel where neither samples nor a tolerance are asked for.
-pub const DEFAULT_SAMPLES: u64 = 2048;
+pub const DEFAULT_SAMPLES: u64 = 4096;
 /// Samples per texel beyond which a tolerance counts as out of reach.
 const MOST_SAMPLES: u64 = 1 << 18;
 /// Names of the files, in the order of their digests.
 pub(crate) const FILES: [&str; 3] = ["specular.ktx2", "irradiance.ktx2", "sh.json"];
+/// What the irradiance cube is called in certificates and in its file.
+pub(crate) const IRRADIANCE: &str = "irradiance";
 /// The schema of `sh.json`.
 pub const SH_SCHEMA: &str = "kiln-sh/1";
 
@@ -87,14 +89,16 @@ pub fn environment(
         ..Certificate::new()
     };
     refuse_failures(&certificate)?;
-    let metadata = vec![(certificate::KEY.to_owned(), certificate.to_json()?)];
-    let cube = |size, levels| {
-        let texture = ktx2::Texture { format, width: size, height: size, faces: 6, levels, metadata: metadata.clone() };
+    let json = certificate.to_json()?;
+    let cube = |content: &str, size, levels| {
+        let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
+        let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
+        let texture = ktx2::Texture { format, width: size, height: size, faces: 6, levels, metadata };
         ktx2::encode(&texture)
     };
     let mut levels = bytes_of_levels;
     let last = levels.split_off(specular.len());
-    let contents = [cube(recipe.size, levels)?, cube(recipe.irradiance_size, last)?, sh_bytes];
+    let contents = [cube("specular", recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
     let folder = Path::new(&recipe.directory);
     Ok(Baked {
         files: FILES.iter().zip(contents).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
@@ -134,7 +138,7 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
 fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>) {
     let (mut all, mut report, mut values) = (vec![], PackReport::default(), vec![]);
     let named = specular.iter().enumerate().map(|(m, level)| (format!("specular {m}"), level));
-    for (name, (cube, found)) in named.chain([("irradiance".to_owned(), irradiance)]) {
+    for (name, (cube, found)) in named.chain([(IRRADIANCE.to_owned(), irradiance)]) {
         let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
         let (bytes, packed) = number.pack(&rgba);
         let texels = number.unpack(&bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2]]).collect();
@@ -145,6 +149,7 @@ fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Ve
             roughness: found.roughness,
             texels,
             max_error: found.max_error,
+            rms_error: found.rms_error,
         });
         all.push(bytes);
     }
@@ -161,7 +166,7 @@ pub(crate) fn ulp(number: Number) -> fn(f64) -> f64 {
 /// The largest number that a format holds.
 pub(crate) fn largest(number: Number) -> f64 {
     match number {
-        Number::F16 => f64::from(binary16::MAX),
+        Number::F16 => binary16::MAX,
         Number::F32 => f64::from(f32::MAX),
     }
 }

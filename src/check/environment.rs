@@ -3,7 +3,7 @@
 use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{DARK_FLOOR, Kernel, Panorama, area_average};
+use crate::environment::{Cube, DARK_FLOOR, Kernel, Panorama, area_average};
 use crate::model::alpha_of_roughness;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -21,6 +21,8 @@ pub struct CubeLevel {
     pub texels: Vec<[f32; 3]>,
     /// Largest standard error (or bound, for a deterministic level) in parts of max(value, 1e-3 × the channel's mean).
     pub max_error: f64,
+    /// Root mean square of the same.
+    pub rms_error: f64,
 }
 
 /// The cubes of an environment.
@@ -105,6 +107,9 @@ impl EnvironmentValues<'_> {
                 checks.extend(worst("exact area average at every texel", &level.name, deviations));
                 continue;
             }
+            if alpha * level.size as f64 >= RESOLVED {
+                checks.push(mean_check(level, panorama));
+            }
             let kernel = Kernel::new(alpha);
             let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
             let name = if full {
@@ -142,6 +147,28 @@ impl EnvironmentValues<'_> {
             })
             .collect()
     }
+}
+
+/// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to
+/// the mean of the filtered function but for [`TEXEL_SUM`].
+const RESOLVED: f64 = 4.0;
+/// Centres of texels that resolve the kernel sum to the flux of a lone sun within 2e-3; this leaves room for packing.
+const TEXEL_SUM: f64 = 4e-3;
+
+/// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
+fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
+    let cube = Cube { size: level.size, texels: level.texels.clone() };
+    let (found, wanted) = (cube.mean(), panorama.mean());
+    let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
+    let figure = (0..3).map(off).map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max);
+    let detail = "largest of the channels, texels weighted by solid angle";
+    Check::at_most(
+        "mean over the sphere against the input's, relative",
+        &level.name,
+        figure,
+        TEXEL_SUM + SIGMAS * level.rms_error,
+        detail,
+    )
 }
 
 fn all(level: &CubeLevel) -> Vec<usize> {

@@ -21,6 +21,19 @@ pub struct TableValues<'a> {
     pub ulp: fn(f64) -> f64,
 }
 
+/// By how much a texel is off, and by how much it may be.
+struct Deviation {
+    texel: usize,
+    off: f64,
+    tolerance: f64,
+}
+
+impl Deviation {
+    fn ratio(&self) -> f64 {
+        if self.off.is_nan() { f64::INFINITY } else { self.off.abs() / self.tolerance }
+    }
+}
+
 impl TableValues<'_> {
     /// How far `value` of `channel` may be from the truth: its integration error and half a unit of the last place.
     fn tolerance(&self, channel: usize, value: f64) -> f64 {
@@ -49,18 +62,17 @@ impl TableValues<'_> {
     }
 
     /// The check of one kind of deviation over many texels: figure and limit are those of the worst, in parts of its tolerance.
-    fn worst(&self, name: &str, channel: usize, deviations: impl Iterator<Item = (usize, f64, f64)>) -> Option<Check> {
-        let (mut worst, mut count) = (None::<(f64, usize, f64, f64)>, 0);
-        for (texel, deviation, tolerance) in deviations {
+    fn worst(&self, name: &str, channel: usize, deviations: impl Iterator<Item = Deviation>) -> Option<Check> {
+        let (mut worst, mut count) = (None, 0);
+        for deviation in deviations {
             count += 1;
-            let ratio = if deviation.is_nan() { f64::INFINITY } else { deviation.abs() / tolerance };
-            if worst.is_none_or(|(r, ..)| ratio > r) {
-                worst = Some((ratio, texel, deviation.abs(), tolerance));
+            if worst.as_ref().is_none_or(|w: &Deviation| deviation.ratio() > w.ratio()) {
+                worst = Some(deviation);
             }
         }
-        let (_, texel, figure, limit) = worst?;
+        let Deviation { texel, off, tolerance } = worst?;
         let detail = format!("worst of {count} at {}", self.place(texel));
-        Some(Check::at_most(name, self.spec.channels[channel].quantity.name, figure, limit, detail))
+        Some(Check::at_most(name, self.spec.channels[channel].quantity.name, off.abs(), tolerance, detail))
     }
 
     /// Every fact that is known of the quantities: bounds, closed forms, limits, sums.
@@ -73,7 +85,7 @@ impl TableValues<'_> {
             let (low, high) = handle.quantity.bounds;
             let outside = self.channel(c).map(|(texel, v)| {
                 let excess = if v.is_nan() { v } else { (low - v).max(v - high).max(0.0) };
-                (texel, excess, self.tolerance(c, v))
+                Deviation { texel, off: excess, tolerance: self.tolerance(c, v) }
             });
             checks.extend(self.worst("distance outside the quantity's bounds", c, outside));
             checks.extend(self.identities(c));
@@ -86,13 +98,14 @@ impl TableValues<'_> {
     /// Closed forms and limits, at the texels where the quantity has them.
     fn identities(&self, channel: usize) -> Vec<Check> {
         let handle = self.spec.channels[channel];
-        let mut known: Vec<(&'static str, Vec<(usize, f64, f64)>)> = vec![];
+        let mut known: Vec<(&'static str, Vec<Deviation>)> = vec![];
         for (texel, value) in self.channel(channel) {
             for identity in handle.family.identities(&self.spec.point(texel), &self.spec.model) {
                 if identity.quantity != handle.index {
                     continue;
                 }
-                let row = (texel, value - identity.value, identity.slack + self.tolerance(channel, identity.value));
+                let tolerance = identity.slack + self.tolerance(channel, identity.value);
+                let row = Deviation { texel, off: value - identity.value, tolerance };
                 match known.iter_mut().find(|(fact, _)| *fact == identity.fact) {
                     Some((_, rows)) => rows.push(row),
                     None => known.push((identity.fact, vec![row])),
@@ -123,7 +136,7 @@ impl TableValues<'_> {
                     quadrature::ggx_albedo(mu, alpha, self.spec.model.smith, QUADRATURE_TOLERANCE).value
                 };
                 let tolerance = self.tolerance(scale, values[scale]) + self.tolerance(bias, values[bias]);
-                (texel, values[scale] + values[bias] - e, tolerance + QUADRATURE_TOLERANCE)
+                Deviation { texel, off: values[scale] + values[bias] - e, tolerance: tolerance + QUADRATURE_TOLERANCE }
             })
             .collect();
         self.worst("scale + bias = E", scale, deviations.into_iter())
@@ -160,7 +173,7 @@ impl TableValues<'_> {
                         tolerance += weight * (self.tolerance(channel, exact) + 1e-9);
                     }
                 }
-                (texel(0), sum, tolerance)
+                Deviation { texel: texel(0), off: sum, tolerance }
             })
             .collect();
         self.worst("Kulla–Conty closure E + ∫ f_ms cos = 1", channel, rows.into_iter())
@@ -204,7 +217,9 @@ impl TableValues<'_> {
                 Ok(row.collect())
             })
             .collect::<Result<_>>()?;
-        let of = |c: usize| texels.iter().zip(&rows).map(move |(&t, row)| (t, row[c].0, row[c].1));
+        let of = |c: usize| {
+            texels.iter().zip(&rows).map(move |(&texel, row)| Deviation { texel, off: row[c].0, tolerance: row[c].1 })
+        };
         Ok((0..n).filter_map(|c| self.worst(name, c, of(c))).collect())
     }
 }

@@ -121,7 +121,7 @@ impl Eval {
         let cells: Vec<Vec<String>> = rows
             .iter()
             .map(|r| {
-                vec![r.integrator.to_owned(), format!("{:.15}", r.value), format!("{:.1e}", r.error), r.kind.to_owned()]
+                vec![r.integrator.to_owned(), format!("{:.12}", r.value), format!("{:.1e}", r.error), r.kind.to_owned()]
             })
             .collect();
         text += &columns(&["witness", "value", "error", "kind"], &cells);

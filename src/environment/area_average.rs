@@ -31,8 +31,12 @@ pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
             side => side_face(&all_rows, size, [0.0, PI, 0.0, 0.0, FRAC_PI_2, -FRAC_PI_2][side]),
         })
         .collect();
-    let average =
-        |(residual, angle): (&[f64; 3], &f64)| std::array::from_fn(|c| (mean[c] + residual[c] / angle) as f32);
+    // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
+    // black negative beside a sun.
+    let (low, high) = (panorama.min(), panorama.max());
+    let average = |(residual, angle): (&[f64; 3], &f64)| {
+        std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
+    };
     let texels = faces.iter().flat_map(|face| face.iter().zip(&angles).map(average)).collect();
     Cube { size, texels }
 }

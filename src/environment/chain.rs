@@ -143,7 +143,7 @@ pub(super) struct Filter<'a> {
 }
 
 enum Witness<'a> {
-    MonteCarlo(MonteCarlo),
+    MonteCarlo(Box<MonteCarlo<'a>>),
     Quadrature(FullSum<'a>),
 }
 
@@ -151,7 +151,9 @@ impl<'a> Filter<'a> {
     pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec) -> Self {
         let witness = match spec.integrator {
             Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
-            Integrator::Auto | Integrator::MonteCarlo => Witness::MonteCarlo(MonteCarlo::new(panorama, spec.seed)),
+            Integrator::Auto | Integrator::MonteCarlo => {
+                Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed)))
+            }
         };
         Self { panorama, samples: spec.samples, witness }
     }

@@ -26,9 +26,7 @@ impl Cube {
 
     /// The texel in a direction: the nearest one, not filtered.
     pub fn nearest(&self, direction: DVec3) -> [f32; 3] {
-        let (face, u, v) = locate(direction);
-        let index = |t: f64| (((t + 1.0) / 2.0 * self.size as f64) as usize).min(self.size - 1);
-        self.face(face)[index(v) * self.size + index(u)]
+        self.texels[nearest_texel(self.size, direction)]
     }
 
     /// Mean over the sphere of the texels as they are, weighted by their exact solid angles.

@@ -14,16 +14,10 @@ use rayon::prelude::*;
 use super::cube::{Cube, texel_direction};
 use super::kernel::Kernel;
 use super::panorama::Panorama;
+use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// A rule of points per side may be used where extent/δ is at most this; then (h/4δ)^2n is below 1e-7.
 const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
-
-/// Gauss–Legendre points and weights on [0, 1].
-#[derive(Debug, Clone)]
-struct Rule {
-    points: Vec<f64>,
-    weights: Vec<f64>,
-}
 
 /// A panorama made ready for exact sums.
 #[derive(Debug, Clone)]
@@ -45,7 +39,7 @@ struct Patch {
 }
 
 /// A lobe about an axis, the axis in spherical parts.
-struct Lobe<'a> {
+pub(super) struct Lobe<'a> {
     kernel: &'a Kernel,
     axis: DVec3,
     azimuth: f64,
@@ -67,7 +61,7 @@ impl<'a> FullSum<'a> {
         let base = panorama.min();
         let occupied = (0..panorama.height()).map(|row| panorama.row(row).iter().any(|t| *t != base)).collect();
         let azimuths = (0..panorama.width())
-            .flat_map(|column| rules[0].points.iter().map(move |t| column as f64 + t))
+            .flat_map(|column| rules[0].nodes.iter().map(move |t| column as f64 + t))
             .map(|position| TAU * position / panorama.width() as f64 - PI)
             .map(|phi| (phi.cos(), phi.sin()))
             .collect();
@@ -77,13 +71,7 @@ impl<'a> FullSum<'a> {
     /// ∫ K(axis·l) L(l) dl, to about 1e-6 relative.
     pub fn evaluate(&self, axis: DVec3, kernel: &Kernel) -> [f64; 3] {
         let axis = axis.normalize();
-        let lobe = Lobe {
-            kernel,
-            axis,
-            azimuth: axis.z.atan2(axis.x),
-            horizontal: axis.x.hypot(axis.z),
-            width2: 4.0 * kernel.alpha().powi(2) / (1.0 - kernel.alpha().powi(2)).max(1e-300),
-        };
+        let lobe = Lobe::new(axis, kernel);
         let along: Vec<f64> = self.azimuths.iter().map(|(cos, sin)| axis.x * cos + axis.z * sin).collect();
         let mut weights = vec![0.0; self.panorama.width()];
         let mut sum = [Compensated::default(); 3];
@@ -132,10 +120,10 @@ impl<'a> FullSum<'a> {
 
         // Two by two everywhere first: one tight loop.
         let rule = &self.rules[0];
-        let n = rule.points.len();
+        let n = rule.nodes.len();
         weights.fill(0.0);
         let (beta, one_minus_beta, norm) = lobe.kernel.coefficients();
-        for (t, weight) in rule.points.iter().zip(&rule.weights) {
+        for (t, weight) in rule.nodes.iter().zip(&rule.weights) {
             let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
             let (up, scale) = (lobe.axis.y * cos, norm * weight * sin * dtheta * dphi);
             for (out, along) in weights.iter_mut().zip(along.chunks_exact(n)) {
@@ -161,6 +149,14 @@ impl<'a> FullSum<'a> {
             }
         }
         true
+    }
+
+    /// ∫ K over one texel, counted row by row.
+    pub(super) fn texel_weight(&self, index: usize, lobe: &Lobe) -> f64 {
+        let (width, height) = (self.panorama.width(), self.panorama.height());
+        let side = |i: usize, n: usize, whole: f64| [whole * i as f64 / n as f64, whole * (i + 1) as f64 / n as f64];
+        let phi = side(index % width, width, TAU).map(|p| p - PI);
+        self.patch(Patch { phi, theta: side(index / width, height, PI) }, lobe)
     }
 
     /// ∫ K over a box, with as many points as it takes.
@@ -207,7 +203,7 @@ impl<'a> FullSum<'a> {
     fn slab(&self, phi: [f64; 2], theta: [f64; 2], lobe: &Lobe, rule: &Rule) -> f64 {
         let dtheta = theta[1] - theta[0];
         let mut sum = 0.0;
-        for (t, weight) in rule.points.iter().zip(&rule.weights) {
+        for (t, weight) in rule.nodes.iter().zip(&rule.weights) {
             let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
             // c = up + across cos ψ, with ψ the azimuth from the axis: positive for |ψ| < half.
             let (up, across) = (lobe.axis.y * cos, lobe.horizontal * sin);
@@ -218,7 +214,7 @@ impl<'a> FullSum<'a> {
                 let low = (phi[0] - lobe.azimuth + turn).max(-half);
                 let high = (phi[1] - lobe.azimuth + turn).min(half);
                 if high > low {
-                    for (s, weight) in rule.points.iter().zip(&rule.weights) {
+                    for (s, weight) in rule.nodes.iter().zip(&rule.weights) {
                         let psi = low + s * (high - low);
                         line += weight * (high - low) * lobe.kernel.eval(lobe.one_minus_cos(sin, cos, psi));
                     }
@@ -230,7 +226,23 @@ impl<'a> FullSum<'a> {
     }
 }
 
-impl Lobe<'_> {
+impl<'a> Lobe<'a> {
+    /// The lobe about a unit axis.
+    pub(super) fn new(axis: DVec3, kernel: &'a Kernel) -> Self {
+        Self {
+            kernel,
+            axis,
+            azimuth: axis.z.atan2(axis.x),
+            horizontal: axis.x.hypot(axis.z),
+            width2: 4.0 * kernel.alpha().powi(2) / (1.0 - kernel.alpha().powi(2)).max(1e-300),
+        }
+    }
+
+    /// Squared distance of the kernel's singularities from its axis.
+    pub(super) fn width2(&self) -> f64 {
+        self.width2
+    }
+
     /// |axis − l|²/2 for l at (θ, azimuth + ψ): 1 − c without cancellation.
     fn one_minus_cos(&self, sin: f64, cos: f64, psi: f64) -> f64 {
         let half = (psi / 2.0).sin();
@@ -262,28 +274,6 @@ impl Compensated {
     fn total(self) -> f64 {
         self.sum + self.lost
     }
-}
-
-/// The rule with `n` points on [0, 1]: Newton's method on the Legendre polynomial.
-fn gauss_legendre(n: usize) -> Rule {
-    let (mut points, mut weights) = (Vec::with_capacity(n), Vec::with_capacity(n));
-    for i in 0..n {
-        let mut x = -(PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-        let mut slope = 1.0;
-        // Quadratic from a guess good to two digits: six steps are twice what it needs.
-        for _ in 0..6 {
-            let (mut p, mut before) = (1.0, 0.0);
-            for k in 1..=n {
-                let k = k as f64;
-                (p, before) = (((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k, p);
-            }
-            slope = n as f64 * (x * p - before) / (x * x - 1.0);
-            x -= p / slope;
-        }
-        points.push((1.0 + x) / 2.0);
-        weights.push(1.0 / ((1.0 - x * x) * slope * slope));
-    }
-    Rule { points, weights }
 }
 
 #[cfg(test)]
@@ -321,7 +311,7 @@ mod tests {
             let sum = FullSum::new(&panorama);
             for &alpha in alphas {
                 for axis in directions(DVec3::new(0.5, 0.2, 0.3).normalize()) {
-                    // Red lacks one texel and green another; a third panorama would say how much. Blue has base 1.
+                    // Red lacks one texel and green another, each put back by a panorama of that texel alone. Blue is base.
                     let [red, green, blue] = sum.evaluate(axis, &Kernel::new(alpha));
                     assert_eq!(blue, 1.0);
                     let missing = |column: usize, row: usize| {

@@ -1,7 +1,7 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
-//! average of mip 0 ([`area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
+//! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
 //! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]).
 
@@ -14,6 +14,7 @@ pub mod irradiance;
 pub mod kernel;
 pub mod monte_carlo;
 pub mod panorama;
+mod peel;
 mod sampler;
 pub mod sky;
 mod source;
@@ -29,7 +30,7 @@ pub use cube::Cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
 pub use kernel::Kernel;
-pub use monte_carlo::{Filtered, MonteCarlo};
+pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
 pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
 pub use source::{BUILTIN_PREFIX, load};
 pub use spherical_harmonics::SphericalHarmonics;

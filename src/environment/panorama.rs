@@ -88,6 +88,14 @@ impl Panorama {
         Ok(panorama)
     }
 
+    /// The same panorama with other texels, as many and all finite.
+    pub(super) fn with_texels(&self, texels: Vec<[f32; 3]>) -> Self {
+        debug_assert_eq!(texels.len(), self.texels.len());
+        let mut panorama = Self { texels, ..self.clone() };
+        panorama.mean = panorama.compute_mean();
+        panorama
+    }
+
     /// The panorama `width` × `width / 2` whose texels are a function of their boxes.
     pub(super) fn from_fn(width: usize, radiance: impl Fn(TexelBox) -> [f64; 3]) -> Result<Self> {
         let height = width / 2;
@@ -95,8 +103,8 @@ impl Panorama {
         Self::new(width, height, (0..width * height).map(texel).collect())
     }
 
-    /// The panorama that a picture holds: channels `R`, `G`, `B` (or `r`, `g`, `b`) by name, or a single channel as grey;
-    /// other channels are left out.
+    /// The panorama that a picture holds: its colour, as [`Image::rgb`] finds it, or a single channel as grey; other channels are
+    /// left out.
     ///
     /// **Errors**: see [`Panorama::new`]; also when the channels are not there, or when a value is not finite and the
     /// policy is [`NonFinite::Error`].
@@ -114,7 +122,8 @@ impl Panorama {
                 "decode the whole file",
             ));
         }
-        let channels = colour_channels(&image.channels)?;
+        // One channel alone is grey, whatever its name.
+        let channels = if stride == 1 { [0; 3] } else { image.colour_channels()? };
         let mut texels: Vec<[f32; 3]> =
             image.texels.chunks_exact(stride).map(|texel| channels.map(|channel| texel[channel])).collect();
 
@@ -212,6 +221,12 @@ impl Panorama {
         self.texels.iter().fold([f32::INFINITY; 3], lower)
     }
 
+    /// Largest radiance in each channel.
+    pub fn max(&self) -> [f32; 3] {
+        let upper = |m: [f32; 3], t: &[f32; 3]| std::array::from_fn(|c| m[c].max(t[c]));
+        self.texels.iter().fold([f32::NEG_INFINITY; 3], upper)
+    }
+
     /// Position of the texel with the largest luminance, and its luminance.
     pub fn peak(&self) -> (usize, usize, f64) {
         let brighter = |best: (usize, f64), (index, texel): (usize, &[f32; 3])| {
@@ -282,20 +297,103 @@ fn refuse_nonfinite(count: usize, mut values: impl Iterator<Item = f32>, width: 
         format!(
             "panorama holds {count} values that are NaN or infinite, the first in the {channel} of texel ({x}, {y})"
         ),
-        "repair the file, or ask for zeros in their place",
+        "repair the file, or use --nonfinite zero",
     ))
 }
 
-fn colour_channels(names: &[String]) -> Result<[usize; 3]> {
-    if names.len() == 1 {
-        return Ok([0; 3]);
+#[cfg(test)]
+mod tests {
+    use super::super::test_maps::random;
+    use super::*;
+
+    fn image(width: usize, height: usize, channels: &[&str], texels: Vec<f32>) -> Image {
+        let channels = channels.iter().map(|c| (*c).to_owned()).collect();
+        Image { width, height, channels, texels, metadata: Vec::new() }
     }
-    let find = |upper: &str| names.iter().position(|name| name.eq_ignore_ascii_case(upper));
-    match (find("R"), find("G"), find("B")) {
-        (Some(r), Some(g), Some(b)) => Ok([r, g, b]),
-        _ => Err(Error::invalid(
-            format!("picture has the channels {}, but R, G and B (or a single one) are wanted", names.join(", ")),
-            "rename its channels or choose the layer that has them",
-        )),
+
+    #[test]
+    fn channels_are_found_by_name() {
+        let texels = (0..32).map(|i| i as f32).collect::<Vec<_>>();
+        let (panorama, _) = Panorama::from_image(
+            &image(4, 2, &["A", "b", "G", "R"], texels.clone()),
+            NonFinite::Error,
+            Negatives::Keep,
+        )
+        .unwrap();
+        assert_eq!(panorama.texels()[1], [7.0, 6.0, 5.0]);
+        let (grey, _) =
+            Panorama::from_image(&image(4, 2, &["Y"], texels[..8].to_vec()), NonFinite::Error, Negatives::Keep)
+                .unwrap();
+        assert_eq!(grey.texels()[3], [3.0; 3]);
+        let error =
+            Panorama::from_image(&image(4, 2, &["X", "Z"], texels[..16].to_vec()), NonFinite::Error, Negatives::Keep);
+        assert!(error.unwrap_err().to_string().contains("channels X, Z"));
+    }
+
+    #[test]
+    fn wrong_values_are_refused_or_counted() {
+        let mut texels = vec![1.0; 24];
+        texels[4] = f32::NAN;
+        texels[9] = f32::NEG_INFINITY;
+        texels[20] = -3.0;
+        let image = image(4, 2, &["R", "G", "B"], texels);
+        let error = Panorama::from_image(&image, NonFinite::Error, Negatives::Keep).unwrap_err().to_string();
+        assert!(error.contains("2 values") && error.contains("green of texel (1, 0)"), "{error}");
+        let (kept, report) = Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).unwrap();
+        assert_eq!(report, InputReport { nonfinite: 2, negative: 1, min: -3.0 });
+        assert_eq!((kept.texels()[1][1], kept.texels()[6][2]), (0.0, -3.0));
+        let (clamped, _) = Panorama::from_image(&image, NonFinite::Zero, Negatives::Clamp).unwrap();
+        assert_eq!(clamped.texels()[6][2], 0.0);
+    }
+
+    #[test]
+    fn other_shapes_are_refused_with_the_shape_that_would_do() {
+        for (width, height, wanted) in [(100, 60, "120 × 60"), (2, 1, "4 × 2"), (0, 0, "4 × 2"), (6, 2, "4 × 2")] {
+            let error = Panorama::new(width, height, vec![[0.0; 3]; width * height]).unwrap_err().to_string();
+            assert!(error.contains(&format!("{width} × {height}")) && error.ends_with(wanted), "{error}");
+        }
+    }
+
+    #[test]
+    fn boxes_cover_the_sphere_and_hold_their_directions() {
+        let panorama = random(20, 1, None);
+        let mut total = 0.0;
+        for (column, row) in (0..10).flat_map(|row| (0..20).map(move |column| (column, row))) {
+            let b = panorama.texel_box(column, row);
+            let area = (b.phi[1] - b.phi[0]) * (b.y[1] - b.y[0]);
+            assert!((area / panorama.solid_angle(row) - 1.0).abs() < 1e-13, "row {row}");
+            total += area;
+            let (phi, y) = ((b.phi[0] + b.phi[1]) / 2.0, (b.y[0] + b.y[1]) / 2.0);
+            let horizontal = (1.0 - y * y).sqrt();
+            assert_eq!(panorama.locate(DVec3::new(horizontal * phi.cos(), y, horizontal * phi.sin())), (column, row));
+        }
+        assert!((total / (4.0 * PI) - 1.0).abs() < 1e-14, "{total}");
+    }
+
+    #[test]
+    fn directions_follow_the_documented_convention() {
+        let panorama = random(16, 2, None);
+        // u = 1/2 + atan2(z, x)/2π, v = acos(y)/π, a little inside the texel that begins there.
+        let nudge = DVec3::new(1e-3, -1e-3, 1e-3);
+        assert_eq!(panorama.locate(DVec3::X + nudge), (8, 4));
+        assert_eq!(panorama.locate(DVec3::Z + DVec3::new(-1e-3, -1e-3, 0.0)), (12, 4));
+        assert_eq!(panorama.locate(DVec3::NEG_X + DVec3::new(0.0, 1e-3, -1e-3)), (0, 3));
+        assert_eq!(panorama.locate(DVec3::Y).1, 0);
+        assert_eq!(panorama.locate(DVec3::NEG_Y).1, 7);
+    }
+
+    #[test]
+    fn a_constant_has_exactly_itself_as_mean() {
+        for value in [1.0, 0.1, 123.456] {
+            let panorama = Panorama::new(34, 17, vec![[value; 3]; 34 * 17]).unwrap();
+            assert_eq!(panorama.mean(), [f64::from(value); 3]);
+        }
+    }
+
+    #[test]
+    fn the_peak_is_found() {
+        let (column, row, y) = random(16, 3, Some((5, 6))).peak();
+        assert_eq!((column, row), (5, 6));
+        assert!((y - luminance([1e5, 0.9e5, 0.5e5])).abs() < 1e-2, "{y}");
     }
 }

@@ -12,6 +12,8 @@ use super::panorama::Panorama;
 pub(super) struct EnvironmentSampler {
     width: usize,
     height: usize,
+    rows_per_radian: f64,
+    columns_per_radian: f64,
     row_edges: Vec<f64>,
     /// Residual radiance, and the density per steradian, of each texel.
     texels: Vec<[f32; 4]>,
@@ -44,7 +46,16 @@ impl EnvironmentSampler {
             [r, g, b, (intensity(texel) / flux) as f32]
         };
         let texels = panorama.texels().iter().map(texel).collect();
-        Some(Self { width, height, row_edges: panorama.row_edges().to_vec(), texels, rows, columns })
+        Some(Self {
+            width,
+            height,
+            rows_per_radian: height as f64 / PI,
+            columns_per_radian: width as f64 / TAU,
+            row_edges: panorama.row_edges().to_vec(),
+            texels,
+            rows,
+            columns,
+        })
     }
 
     /// Maps the unit square to a direction and its texel: the row by the first coordinate, the column by the second; what
@@ -71,10 +82,12 @@ impl EnvironmentSampler {
     /// that of a texel's edge are given to its neighbour, far below any noise.
     pub(super) fn locate(&self, direction: DVec3) -> usize {
         let horizontal = (direction.x * direction.x + direction.z * direction.z).sqrt();
-        let u = 0.5 + fast_atan2(direction.z, direction.x) / TAU;
-        let v = fast_atan2(horizontal, direction.y) / PI;
-        let index = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
-        index(v, self.height) * self.width + index(u, self.width)
+        let u = (fast_atan2(direction.z, direction.x) + PI) * self.columns_per_radian;
+        let v = fast_atan2(horizontal, direction.y) * self.rows_per_radian;
+        // Through i32: the processor has no instruction for larger integers.
+        let row = (v as i32 as usize).min(self.height - 1);
+        let column = (u as i32 as usize).min(self.width - 1);
+        row * self.width + column
     }
 }
 
@@ -117,8 +130,9 @@ fn fast_atan2(y: f64, x: f64) -> f64 {
         0.0028662257,
     ];
     let (ax, ay) = (x.abs(), y.abs());
-    // The tiny number keeps 0/0 at 0.
-    let t = ax.min(ay) / ax.max(ay).max(f64::MIN_POSITIVE);
+    // The tiny number keeps 0/0 at 0. (Comparisons rather than min and max, which mind NaN.)
+    let (small, large) = if ax < ay { (ax, ay) } else { (ay, ax) };
+    let t = small / (large + f64::MIN_POSITIVE);
     let t2 = t * t;
     let octant = t * COEFFICIENTS.iter().rev().fold(0.0, |sum, c| sum * t2 + c);
     let quadrant = if ay > ax { FRAC_PI_2 - octant } else { octant };

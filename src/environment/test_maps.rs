@@ -8,7 +8,7 @@ pub(crate) fn random(width: usize, seed: u64, sun: Option<(usize, usize)>) -> Pa
     let height = width / 2;
     let texel = |i: usize| {
         let p = PointSet::<3>::new(seed, i as u64, 1).points()[0];
-        p.map(|v| (v * if i % 7 == 0 { 10.0 } else { 1.0 }) as f32)
+        p.map(|v| (v * if i.is_multiple_of(7) { 10.0 } else { 1.0 }) as f32)
     };
     let mut texels: Vec<[f32; 3]> = (0..width * height).map(texel).collect();
     if let Some((column, row)) = sun {

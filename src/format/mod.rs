@@ -66,13 +66,19 @@ impl<T: Copy> Image<T> {
     ///
     /// **Errors**: none of them there, or colour in several layers.
     pub fn rgb(&self) -> Result<Vec<[T; 3]>> {
-        let [r, g, b] = self.rgb_indices()?;
+        let [r, g, b] = self.colour_channels()?;
         Ok(self.texels.chunks_exact(self.channels.len()).map(|texel| [texel[r], texel[g], texel[b]]).collect())
     }
 
-    fn rgb_indices(&self) -> Result<[usize; 3]> {
+    /// Where red, green and blue are among the channels, as [`Image::rgb`] finds them; upper or lower case.
+    ///
+    /// **Errors**: as [`Image::rgb`].
+    pub fn colour_channels(&self) -> Result<[usize; 3]> {
         let in_layer = |prefix: &str| {
-            let find = |letter| self.channel_index(&format!("{prefix}{letter}"));
+            let find = |letter| {
+                let wanted = format!("{prefix}{letter}");
+                self.channels.iter().position(|name| name.eq_ignore_ascii_case(&wanted))
+            };
             Some([find("R")?, find("G")?, find("B")?])
         };
         if let Some(indices) = in_layer("") {

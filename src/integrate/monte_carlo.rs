@@ -63,7 +63,7 @@ impl<const D: usize> Points<D> {
             Stop::Samples(samples) => per_replicate(samples),
         };
         let first = least.trailing_zeros() as usize;
-        let mut sums = vec![[0.0; K]; REPLICATES];
+        let mut sums = [[0.0; K]; REPLICATES];
         let mut met_before = false;
         for doubling in 0..DOUBLINGS {
             for (replicate, sum) in sums.iter_mut().enumerate() {

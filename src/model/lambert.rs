@@ -20,7 +20,7 @@ impl Lobe for Lambert {
     fn sample(&self, wo: DVec3, u: [f64; 2]) -> Option<Sample> {
         let (x, y) = square_to_disk(u);
         let wi = DVec3::new(x, y, (1.0 - u[0]).sqrt());
-        (wo.z > 0.0 && wi.z > 0.0).then(|| Sample { wi, pdf: wi.z * FRAC_1_PI, weight: self.c })
+        (wo.z > 0.0 && wi.z > 0.0).then_some(Sample { wi, pdf: wi.z * FRAC_1_PI, weight: self.c })
     }
 
     fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {

@@ -1,7 +1,7 @@
 //! Integrating a table, texel by texel.
 
 use super::axis::{Axis, LARGEST_SIZE};
-use super::quantity::{Family, Handle, Model, Parameter, Point, evaluate_family};
+use super::quantity::{Handle, Model, Parameter, Point, evaluate_family};
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Estimate, Integration};
 use rayon::prelude::*;
@@ -121,15 +121,15 @@ impl TableSpec {
 
     /// What computes all channels at a point, each family of quantities once.
     pub fn evaluator(&self) -> Evaluator {
-        let mut families: Vec<(Handle, Vec<(usize, usize)>)> = vec![];
+        let mut parts: Vec<Part> = vec![];
         for (channel, handle) in self.channels.iter().enumerate() {
-            match families.iter_mut().find(|(h, _)| h.same_family(handle)) {
-                Some((_, fills)) => fills.push((handle.index, channel)),
-                None => families.push((*handle, vec![(handle.index, channel)])),
+            let fill = Fill { index: handle.index, channel };
+            match parts.iter_mut().find(|part| part.handle.same_family(handle)) {
+                Some(part) => part.fills.push(fill),
+                None => parts.push(Part { handle: *handle, fills: vec![fill] }),
             }
         }
-        let families = families.into_iter().map(|(h, fills)| (h.family, fills)).collect();
-        Evaluator { families, channels: self.channels.clone(), model: self.model }
+        Evaluator { parts, n_channels: self.channels.len(), model: self.model }
     }
 
     /// Integrates every texel; the same bits for any number of threads.
@@ -167,11 +167,25 @@ impl TableSpec {
 }
 
 /// Computes the channels of a [`TableSpec`] at any point.
+#[derive(Debug)]
 pub struct Evaluator {
-    /// Each family with the (place in the family, channel) pairs that it fills.
-    families: Vec<(&'static dyn Family, Vec<(usize, usize)>)>,
-    channels: Vec<Handle>,
+    parts: Vec<Part>,
+    n_channels: usize,
     model: Model,
+}
+
+/// One family, by any of its quantities, and the channels that it fills.
+#[derive(Debug)]
+struct Part {
+    handle: Handle,
+    fills: Vec<Fill>,
+}
+
+/// Which of a family's quantities goes into which channel.
+#[derive(Debug)]
+struct Fill {
+    index: usize,
+    channel: usize,
 }
 
 impl Evaluator {
@@ -179,11 +193,11 @@ impl Evaluator {
     ///
     /// **Errors**: a missing parameter.
     pub fn at(&self, at: &Point, integration: &Integration) -> Result<Vec<Estimate>> {
-        let mut estimates = vec![Estimate::bound(f64::NAN, f64::NAN); self.channels.len()];
-        for (family, fills) in &self.families {
-            let values = evaluate_family(*family, at, &self.model, integration)?;
-            for &(index, channel) in fills {
-                estimates[channel] = values[index];
+        let mut estimates = vec![Estimate::bound(f64::NAN, f64::NAN); self.n_channels];
+        for part in &self.parts {
+            let values = evaluate_family(part.handle.family, at, &self.model, integration)?;
+            for fill in &part.fills {
+                estimates[fill.channel] = values[fill.index];
             }
         }
         Ok(estimates)

@@ -1,6 +1,6 @@
 //! Tables: quantities × axes, integrated texel by texel.
 //!
-//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`bake`] integrates, and [`named`] lists
+//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`TableSpec::bake`] integrates, and [`named`] lists
 //! the tables that have a name. One file per family of quantities computes: [`ggx`], [`beckmann`], [`charlie`], [`dielectric`],
 //! [`lambert`].
 

@@ -1,7 +1,7 @@
 //! Verification of an environment's files.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::{ShFile, largest, texel_digest, ulp};
+use crate::bake::{IRRADIANCE, ShFile, largest, texel_digest, ulp};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::{self, Panorama, spherical_harmonics};
@@ -38,7 +38,7 @@ pub(super) fn verify(
             }
             let names: Vec<String> =
                 levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
-            let kind = if levels[0].name == "irradiance" { "irradiance E/π" } else { "specular chain" };
+            let kind = if levels[0].name == IRRADIANCE { "irradiance E/π" } else { "specular chain" };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
         Content::Json(value) => {
@@ -77,11 +77,10 @@ fn source(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Option<Pano
 
 /// The cubes of a texture, with what the certificate claims of each.
 fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
-    let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == "irradiance");
+    let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
-    // Which of the two cubes this is, its shape says; where both have the same, the levels say.
-    let claimed =
-        if texture.levels.len() == specular.len() && texture.width == recipe.size { specular } else { irradiance };
+    // Which of the two cubes this is, the file says.
+    let claimed = if texture.metadata(certificate::CONTENT_KEY) == Some(IRRADIANCE) { irradiance } else { specular };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
     if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
         return Err(Error::invalid(
@@ -104,13 +103,14 @@ fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &Environme
                 let values = texture.face(m, face).unwrap_or_default();
                 texels.extend(values.chunks_exact(texture.format.channels).map(|t| [t[0], t[1], t[2]]));
             }
-            let wanted = if level.name == "irradiance" { 1.0 } else { roughness.get(m).copied().unwrap_or(f64::NAN) };
+            let wanted = if level.name == IRRADIANCE { 1.0 } else { roughness.get(m).copied().unwrap_or(f64::NAN) };
             if texels.len() != 6 * size * size || level.roughness != wanted {
                 return Err(Error::invalid(format!("level {m} is not what the certificate says"), "bake it again"));
             }
             // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
             let max_error = level.max_error.min(MOST_ERROR);
-            Ok(CubeLevel { name: level.name.clone(), size, roughness: level.roughness, texels, max_error })
+            let rms_error = level.rms_error.min(max_error);
+            Ok(CubeLevel { name: level.name.clone(), size, roughness: level.roughness, texels, max_error, rms_error })
         })
         .collect()
 }

@@ -1,5 +1,6 @@
 //! What several integration tests share.
 #![allow(dead_code)] // every test file uses its part
+#![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
 pub mod kiln;
 pub mod samples;

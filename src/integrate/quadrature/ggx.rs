@@ -124,7 +124,7 @@ fn over_elevation<const K: usize>(
 }
 
 /// How far below the width a branch point of second order at the horizon itself must be resolved, for its third power to vanish.
-const BRANCH: f64 = 1e-5;
+const BRANCH: f64 = 1e-7;
 
 /// Wider than any interval of angles.
 const FAR: f64 = 10.0;

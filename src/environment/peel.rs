@@ -1,0 +1,182 @@
+//! The texels that stand out from their surroundings, taken off a panorama and convolved exactly.
+//!
+//! A star of one texel under a narrow lobe is what makes Monte Carlo sparkle: too faint to be drawn often from the
+//! environment, too small to be hit often by the lobe. What such texels have beyond their surroundings is a short list, and a short
+//! list can be summed exactly for every direction; the rest has no outliers left.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::full_sum::{FullSum, Lobe};
+use super::kernel::Kernel;
+use super::panorama::Panorama;
+
+/// Texels that are peeled off at most.
+const MOST: usize = 2048;
+/// Side of the blocks, in texels, whose medians are the surroundings.
+const BLOCK: usize = 16;
+/// Outliers whose flux, in parts of their block's, is below this make no visible noise and are left where they are.
+const LEAST: f64 = 0.02;
+/// Nearer than this many extents to the lobe's peak, a texel is integrated with as many points as it takes; up to [`FAR`] with
+/// two by two Gauss points (off by some (1/NEAR)⁴/4); beyond, with one (off by some (1/FAR)²/4).
+const NEAR: f64 = 24.0;
+const FAR: f64 = 160.0;
+/// Largest relative error of [`Peel::evaluate`].
+pub(super) const PEEL_ERROR: f64 = 1e-5;
+/// Places of the two Gauss points in an interval [0, 1].
+const GAUSS: [f64; 2] = [0.211_324_865_405_187_12, 0.788_675_134_594_812_9];
+
+/// What stands out from a panorama.
+#[derive(Debug, Clone)]
+pub(super) struct Peel {
+    texels: Vec<Peeled>,
+    /// The largest extent of a texel, in radians.
+    extent: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Peeled {
+    index: usize,
+    /// The middle, and the solid angle.
+    middle: (DVec3, f64),
+    /// Two by two Gauss points with their parts of the solid angle.
+    gauss: [(DVec3, f64); 4],
+    /// Radiance beyond the surroundings.
+    radiance: [f64; 3],
+}
+
+impl Peel {
+    /// The outliers of a panorama, and the panorama without them: never darker than the block around it.
+    pub(super) fn new(panorama: &Panorama) -> (Self, Panorama) {
+        let (width, height) = (panorama.width(), panorama.height());
+        let mean = panorama.mean().iter().sum::<f64>();
+        let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
+        for top in (0..height).step_by(BLOCK) {
+            for left in (0..width).step_by(BLOCK) {
+                let rows = top..(top + BLOCK).min(height);
+                let columns = left..(left + BLOCK).min(width);
+                let places = || rows.clone().flat_map(|r| columns.clone().map(move |c| r * width + c));
+                let median = median(places().map(|i| panorama.texels()[i]).collect());
+                let surroundings = median.iter().map(|&v| f64::from(v)).sum::<f64>().max(1e-3 * mean);
+                let block_angle: f64 =
+                    rows.clone().map(|r| panorama.solid_angle(r)).sum::<f64>() * columns.len() as f64;
+                for index in places() {
+                    let texel = panorama.texels()[index];
+                    let excess: f64 = (0..3).map(|c| f64::from((texel[c] - median[c]).max(0.0))).sum();
+                    let flux = excess * panorama.solid_angle(index / width) / (surroundings * block_angle);
+                    if flux > LEAST {
+                        candidates.push((flux, index, median));
+                    }
+                }
+            }
+        }
+        // The largest first; equal ones in the order of the panorama, so that the choice is the same on every run.
+        candidates.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        candidates.truncate(MOST);
+        let mut rest = panorama.texels().to_vec();
+        let texels = candidates
+            .into_iter()
+            .map(|(_, index, median)| {
+                let texel = rest[index];
+                let radiance = std::array::from_fn(|c| f64::from(texel[c]) - f64::from(texel[c].min(median[c])));
+                rest[index] = std::array::from_fn(|c| texel[c].min(median[c]));
+                let (row, column) = (index / width, index % width);
+                let place = |x: f64, y: f64| {
+                    let (sin, cos) = (PI * (row as f64 + y) / height as f64).sin_cos();
+                    let phi = TAU * (column as f64 + x) / width as f64 - PI;
+                    (DVec3::new(sin * phi.cos(), cos, sin * phi.sin()), sin)
+                };
+                let solid_angle = panorama.solid_angle(row);
+                let points = [0, 1, 2, 3].map(|i| place(GAUSS[i % 2], GAUSS[i / 2]));
+                let total: f64 = points.iter().map(|(_, sin)| sin).sum();
+                Peeled {
+                    index,
+                    middle: (place(0.5, 0.5).0, solid_angle),
+                    gauss: points.map(|(direction, sin)| (direction, solid_angle * sin / total)),
+                    radiance,
+                }
+            })
+            .collect();
+        let extent = PI / height as f64;
+        (Self { texels, extent }, panorama.with_texels(rest))
+    }
+
+    /// ∫ K(axis·l) over what was peeled off; `exact` integrates the texels near the lobe's peak and across its horizon.
+    pub(super) fn evaluate(&self, axis: DVec3, kernel: &Kernel, exact: &FullSum) -> [f64; 3] {
+        let lobe = Lobe::new(axis, kernel);
+        let (beta, one_minus_beta, norm) = kernel.coefficients();
+        let at = |(direction, solid_angle): (DVec3, f64)| {
+            let cos = axis.dot(direction);
+            let d = one_minus_beta + beta * (1.0 - cos);
+            norm * cos.max(0.0) / (d * d) * solid_angle
+        };
+        let [near, far] = [NEAR, FAR].map(|extents| (extents * self.extent).powi(2));
+        let mut sum = [0.0; 3];
+        for texel in &self.texels {
+            let cos = axis.dot(texel.middle.0);
+            // |axis − l|² = 2 − 2c, and the kernel's singularities lie width2 beyond; its cosine varies over one radian.
+            let distance2 = ((2.0 - 2.0 * cos) + lobe.width2()).min(1.0);
+            let weight = if distance2 < near || cos.abs() < self.extent {
+                exact.texel_weight(texel.index, &lobe)
+            } else if distance2 < far {
+                texel.gauss.into_iter().map(at).sum()
+            } else {
+                at(texel.middle)
+            };
+            for (sum, radiance) in sum.iter_mut().zip(texel.radiance) {
+                *sum += weight * radiance;
+            }
+        }
+        sum
+    }
+}
+
+/// The median of each channel on its own.
+fn median(texels: Vec<[f32; 3]>) -> [f32; 3] {
+    std::array::from_fn(|c| {
+        let mut values: Vec<f32> = texels.iter().map(|t| t[c]).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::builtin::builtin;
+    use super::*;
+
+    #[test]
+    fn peeled_and_rest_convolve_to_the_whole() {
+        let whole = builtin("sun", 128).unwrap();
+        let (peel, rest) = Peel::new(&whole);
+        assert!(!peel.texels.is_empty(), "a sun stands out");
+        let (truth, remaining) = (FullSum::new(&whole), FullSum::new(&rest));
+        let sun = super::super::builtin::sun_direction();
+        let (side, up) = sun.any_orthonormal_pair();
+        for alpha in [0.03, 0.25, 1.0] {
+            let kernel = Kernel::new(alpha);
+            for axis in [sun, -sun, side, up, (sun + 0.05 * side).normalize(), (sun + 0.4 * up).normalize()] {
+                let (a, b) = (peel.evaluate(axis, &kernel, &truth), remaining.evaluate(axis, &kernel));
+                let wanted = truth.evaluate(axis, &kernel);
+                for c in 0..3 {
+                    let off = (a[c] + b[c] - wanted[c]).abs();
+                    assert!(
+                        off <= PEEL_ERROR * wanted[c],
+                        "alpha {alpha}, {axis}: {} and {}, {}",
+                        a[c],
+                        b[c],
+                        wanted[c]
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_peeled_off_a_smooth_panorama() {
+        let (peel, rest) = Peel::new(&builtin("gradient", 128).unwrap());
+        assert!(peel.texels.is_empty());
+        assert_eq!(rest, builtin("gradient", 128).unwrap());
+    }
+}
