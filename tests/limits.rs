@@ -215,7 +215,7 @@ fn monte_carlo_agrees_with_quadrature_within_its_standard_error() {
         }
     }
     // Honest means neither too small nor too large: the deviations have the size that the standard errors say.
-    let rms = (squares / n as f64).sqrt();
+    let rms = (squares / n).sqrt();
     assert!((0.7..1.3).contains(&rms), "deviations are {rms} standard errors in the root mean square");
 }
 
