@@ -249,3 +249,11 @@ fn closed_forms_say_that_they_are_and_agree_with_what_is_known_of_them() {
         }
     }
 }
+
+#[test]
+fn an_axis_never_leaves_the_domain_of_its_parameter() {
+    let axis = |p| kiln::table::Axis::new(p, 8).check();
+    assert!(axis(Parameter::F0).is_ok());
+    let error = axis(Parameter::Eta).expect_err("eta begins at 0.1").to_string();
+    assert!(error.contains("an axis runs from 0 to 1, and eta from 0.1 to 10"), "{error}");
+}

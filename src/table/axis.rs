@@ -89,11 +89,18 @@ impl Axis {
 
     /// Whether the axis can be baked.
     ///
-    /// **Errors**: no texels, one texel at the edges, more than hardware samples.
+    /// **Errors**: a parameter whose domain is not all of [0, 1] and more, no texels, one texel at the edges, more than hardware samples.
     pub fn check(&self) -> Result<()> {
         let name = self.parameter.name();
         if self.size == 0 {
             return Err(Error::usage(format!("size 0 of axis {name} leaves no texels"), "use at least 1, such as 64"));
+        }
+        let (low, high) = self.parameter.domain();
+        if low > 0.0 || high < 1.0 {
+            return Err(Error::usage(
+                format!("an axis runs from 0 to 1, and {name} from {low} to {high}"),
+                "use `kiln eval --points` for such a parameter",
+            ));
         }
         if self.size > LARGEST_SIZE {
             return Err(Error::usage(

@@ -34,8 +34,10 @@ impl Family for Diffuse {
         // At mu = 0 the limit from above: the lobes themselves end at the horizon.
         let wo = direction_with_cosine(at.get(Parameter::Mu)?).max(DVec3::Z * f64::MIN_POSITIVE);
         let lobe = (self.lobe)(at)?;
-        let (estimates, _) =
-            integration.points2.integrate(integration.stop(), |u| [lobe.sample(wo, u).map_or(0.0, |s| s.weight)]);
+        let (estimates, _) = integration.points2.integrate(integration.stop(), |[t, u]| {
+            let (mu2, stretch) = defend_horizon(t);
+            [lobe.sample(wo, [1.0 - mu2, u]).map_or(0.0, |s| s.weight * stretch)]
+        });
         Ok(estimates.into())
     }
 
@@ -43,6 +45,16 @@ impl Family for Diffuse {
         let known = (self.known)(at).map(|(value, fact)| Identity { quantity: 0, value, slack: 0.0, fact });
         known.into_iter().collect()
     }
+}
+
+/// The square of an incident cosine and the reciprocal of its density: half of the points even in it (the cosine's own density),
+/// half even in the cosine.
+///
+/// Seen from the horizon, Oren–Nayar lobes grow as the reciprocal of the incident cosine: by the cosine alone their variance would
+/// be infinite.
+fn defend_horizon(t: f64) -> (f64, f64) {
+    let mu2 = if t < 0.5 { 2.0 * t } else { (2.0 * t - 1.0).powi(2) };
+    (mu2, 1.0 / (0.5 + 0.25 / mu2.sqrt()))
 }
 
 /// Whether `parameter` is given and has that value.
@@ -95,11 +107,12 @@ pub static BURLEY_RENORMALIZED: Diffuse = Diffuse {
 pub static OREN_NAYAR: Diffuse = Diffuse {
     quantities: &[Quantity {
         name: "oren-nayar.albedo",
-        summary: "directional albedo of the qualitative Oren–Nayar lobe of colour 1",
+        summary: "directional albedo of the qualitative Oren–Nayar lobe of colour 1; up to 1.015 at grazing angles",
         definition: "∫ (A + B sinα tanβ max(0, cosφ))/π cosθi dωi, A = 1 − σ²/2/(σ² + 0.33), B = 0.45 σ²/(σ² + 0.09)",
         source: "Oren and Nayar 1994, \"Generalization of Lambert's Reflectance Model\"",
         parameters: &[Parameter::Mu, Parameter::Sigma],
-        bounds: (0.5, 1.0),
+        // Above 1 at grazing incidence for small sigma: at most A + B/2 at sigma² = 0.04.
+        bounds: (0.5, 1.0153),
     }],
     lobe: |at| Ok(Box::new(OrenNayar { sigma: at.get(Parameter::Sigma)? })),
     albedo: |at, mu| Ok(OrenNayar { sigma: at.get(Parameter::Sigma)? }.albedo(mu)),

@@ -29,7 +29,8 @@ impl Random {
 pub fn picture(width: usize, height: usize, channels: &[&str]) -> Image<f64> {
     let mut random = Random(7);
     let texels = (0..width * height * channels.len()).map(|_| 2_f64.powf(35.0 * random.unit() - 20.0)).collect();
-    let mut image = Image::new(width, height, channels, texels).unwrap();
+    let mut image =
+        Image::new(width, height, channels, texels).expect("a sample image has as many texels as its size says");
     image.metadata = vec![
         ("kiln.recipe".into(), r#"{"name":"ggx","µ":"sqrt"}"#.into()),
         ("comments".into(), "two\nlines".into()),
