@@ -74,7 +74,7 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         parameter: Parameter::Eta,
         name: "eta",
         summary: "relative index of refraction n_t/n_i: below 1 from the denser side",
-        domain: (0.25, 4.0),
+        domain: (0.1, 10.0),
     },
     Facts {
         parameter: Parameter::N,
