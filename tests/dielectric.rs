@@ -159,7 +159,7 @@ fn witnesses_agree() {
             }
         }
     }
-    let rms = (squares / n as f64).sqrt();
+    let rms = (squares / n).sqrt();
     assert!((0.6..1.4).contains(&rms), "deviations are {rms} standard errors in the root mean square");
 }
 
