@@ -1,6 +1,6 @@
 //! Sheen: a distribution of fibres that stand on the surface, whose normals are mostly near its horizon.
 //!
-//! D(m) = (2 + n) sinⁿθ/(2π) with n = 1/α. The visibility terms that go with it are fits, and none keeps the lobe from reflecting
+//! D(m) = (2 + n) sinⁿθ/(2π) with n = 1/α. The visibility terms that go with it are fits, and the two without softening let the lobe reflect
 //! more than comes in at grazing angles.
 //!
 //! **Source**: Estevez and Kulla 2017, "Production Friendly Microfacet Sheen BRDF" (D; Λ fitted as a/(1 + b x^c) + d x + e, its
