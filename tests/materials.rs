@@ -6,7 +6,7 @@ use kiln::material::{MATERIALS, Reflectance, find, srgb_byte};
 use kiln::model::fresnel::{conductor, f0_of_eta};
 use support::kiln::{fail, succeed};
 
-/// What published tables print beside the linear values.
+/// The bytes that go with the linear values, written down from memory of the tables that game engines circulate: not read here.
 const SRGB: [(&str, [u8; 3]); 13] = [
     ("titanium", [194, 187, 179]),
     ("chromium", [196, 197, 196]),
@@ -24,7 +24,7 @@ const SRGB: [(&str, [u8; 3]); 13] = [
 ];
 
 #[test]
-fn srgb_values_of_metals_are_the_published_ones_within_one() {
+fn srgb_values_of_metals_are_the_circulated_ones_within_one() {
     for (name, wanted) in SRGB {
         for (part, wanted) in find(name).expect("a material").parts().iter().zip(wanted) {
             let got = srgb_byte(part.f0);
