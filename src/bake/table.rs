@@ -1,6 +1,6 @@
 //! Baking a table.
 
-use super::{Baked, refuse_failures, texel_digest};
+use super::{Baked, refuse_failures, texel_digest, ulp};
 use crate::certificate::{self, Certificate, Channel, FileDigest};
 use crate::check::TableValues;
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ pub fn table(recipe: &TableRecipe, progress: Progress) -> Result<Baked> {
     let texels = number.unpack(&bytes);
     let errors = table.worst_errors();
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
-    let ulp = if number == crate::pack::Number::F16 { crate::pack::binary16::ulp } else { crate::pack::binary32::ulp };
+    let ulp = ulp(number);
     let judged = TableValues { spec: &spec, values: &values, errors: &errors, kind: table.kind, ulp };
     let mut checks = judged.facts();
     checks.extend(if integration.is_monte_carlo() {

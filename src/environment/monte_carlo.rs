@@ -29,10 +29,8 @@ use super::kernel::Kernel;
 use super::panorama::Panorama;
 use super::peel::{PEEL_ERROR, Peel};
 use super::sampler::EnvironmentSampler;
+use crate::integrate::monte_carlo::REPLICATES;
 use crate::math::sobol::PointSet;
-
-/// Independent scrambles behind each standard error. With eight, an honest test at 4.5 sigmas fails by chance.
-pub const REPLICATES: usize = 32;
 
 /// Fewest samples: one of each strategy in each replicate.
 pub const MIN_SAMPLES: usize = 2 * REPLICATES;

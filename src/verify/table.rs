@@ -1,12 +1,11 @@
 //! Verification of a table.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::texel_digest;
+use crate::bake::{texel_digest, ulp};
 use crate::certificate::Certificate;
 use crate::check::{Check, TableValues};
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Integration};
-use crate::pack::{Number, binary16, binary32};
 use crate::recipe::TableRecipe;
 use crate::table::TableSpec;
 use std::path::Path;
@@ -25,7 +24,7 @@ pub(super) fn verify(
     let errors = claimed_errors(certificate, &spec, &integration);
     let kind = if integration.is_monte_carlo() { ErrorKind::Sigma } else { ErrorKind::Bound };
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
-    let ulp = if recipe.format.number() == Number::F16 { binary16::ulp } else { binary32::ulp };
+    let ulp = ulp(recipe.format.number());
     let judged = TableValues { spec: &spec, values: &values, errors: &errors, kind, ulp };
     let mut checks: Vec<Check> =
         digest_check(path, certificate, &texel_digest([texels.as_slice()])).into_iter().collect();
