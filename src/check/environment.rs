@@ -181,10 +181,7 @@ fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
     let (column, row, _) = panorama.peak();
-    let texel = panorama.texel_box(column, row);
-    let (phi, y) = (0.5 * (texel.phi[0] + texel.phi[1]), 0.5 * (texel.y[0] + texel.y[1]));
-    let r = ((1.0 - y) * (1.0 + y)).max(0.0).sqrt(); // y is within [−1, 1] up to one rounding
-    let sun = DVec3::new(r * phi.cos(), y, r * phi.sin());
+    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let ring = (0..8).map(|i| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();

@@ -100,9 +100,6 @@ fn of_image(path: &Path, kind: &str, image: Image) -> Facts {
 
 fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
     let (column, row, peak) = panorama.peak();
-    let texel = panorama.texel_box(column, row);
-    let (phi, y) = (0.5 * (texel.phi[0] + texel.phi[1]), 0.5 * (texel.y[0] + texel.y[1]));
-    let r = ((1.0 - y) * (1.0 + y)).max(0.0).sqrt(); // y is within [−1, 1] up to one rounding
     let darkest = panorama
         .texels()
         .iter()
@@ -113,7 +110,7 @@ fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
         mean_luminance: luminance(panorama.mean()),
         peak_luminance: peak,
         dynamic_range_ev: (peak / darkest).log2(),
-        peak_direction: [r * phi.cos(), y, r * phi.sin()],
+        peak_direction: panorama.texel_box(column, row).middle().to_array(),
     }
 }
 

@@ -57,6 +57,15 @@ pub struct TexelBox {
     pub y: [f64; 2],
 }
 
+impl TexelBox {
+    /// The unit direction of the middle of the box.
+    pub fn middle(&self) -> DVec3 {
+        let (phi, y) = (0.5 * (self.phi[0] + self.phi[1]), 0.5 * (self.y[0] + self.y[1]));
+        let r = crate::math::frame::sine_of_cosine(y);
+        DVec3::new(r * phi.cos(), y, r * phi.sin())
+    }
+}
+
 /// A radiance map over the sphere, piecewise constant over `width × height` texels, linear RGB, all finite.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panorama {

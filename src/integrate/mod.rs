@@ -11,6 +11,8 @@ pub mod quadrature;
 pub(crate) use cosine::over_cosine;
 
 use crate::error::{Error, Result};
+use crate::math::frame::direction_with_cosine;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// What an [`Estimate`]'s error means.
@@ -176,6 +178,13 @@ impl Integration {
     pub fn tolerance(&self) -> f64 {
         let default = if self.is_monte_carlo() { MONTE_CARLO_TOLERANCE } else { QUADRATURE_TOLERANCE };
         self.settings.tolerance.unwrap_or(default)
+    }
+
+    /// 2 ∫ f mu dmu over the cosine of the outgoing direction, by the random witness: `f` takes that direction and a point of the
+    /// unit square.
+    pub fn average_over_cosine<const K: usize>(&self, f: impl Fn(DVec3, [f64; 2]) -> [f64; K]) -> [Estimate; K] {
+        // The density 2 mu of the cosine is exactly the weight of the average.
+        self.points3.integrate(self.stop(), |[u, v, w]| f(direction_with_cosine(u.sqrt()), [v, w])).0
     }
 
     /// When the random witness stops.

@@ -151,10 +151,9 @@ impl Family for Average {
         if alpha == 0.0 {
             return Ok(vec![Estimate::sigma(1.0, 0.0)]);
         }
-        let (estimates, _) = integration.points3.integrate(integration.stop(), |[u, v, w]| {
-            // The density 2 mu of the cosine is exactly the weight of the average.
+        let estimates = integration.average_over_cosine(|wo, [v, w]| {
             let (w, stretch) = defensive_tail(w, TAIL);
-            [lobe.sample(direction_with_cosine(u.sqrt()), [v, 1.0 - w]).map_or(0.0, |s| s.weight * stretch)]
+            [lobe.sample(wo, [v, 1.0 - w]).map_or(0.0, |s| s.weight * stretch)]
         });
         Ok(estimates.into())
     }

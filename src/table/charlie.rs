@@ -116,10 +116,7 @@ impl Family for Average {
             return Ok(vec![Estimate::sigma(0.0, 0.0)]);
         }
         let lobe = Charlie { alpha, visibility: model.visibility };
-        let (estimates, _) = integration.points3.integrate(integration.stop(), |[u, v, w]| {
-            // The density 2 mu of the cosine is exactly the weight of the average.
-            [lobe.sample(direction_with_cosine(u.sqrt()), [v, w]).map_or(0.0, |s| s.weight)]
-        });
+        let estimates = integration.average_over_cosine(|wo, u| [lobe.sample(wo, u).map_or(0.0, |s| s.weight)]);
         Ok(estimates.into())
     }
 

@@ -161,13 +161,10 @@ impl Family for Average {
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
         let (alpha, eta) = (at.get(Parameter::Alpha)?, at.get(Parameter::Eta)?);
         let interface = interface(alpha, eta, model)?;
-        let (estimates, _) = integration.points3.integrate(integration.stop(), |[u, v, w]| {
-            // The density 2 mu of the cosine is exactly the weight of the average.
-            let mu = u.sqrt();
+        let estimates = integration.average_over_cosine(|wo, [v, w]| {
             if alpha == 0.0 {
-                return smooth(mu, eta);
+                return smooth(wo.z, eta);
             }
-            let wo = direction_with_cosine(mu);
             let (w, stretch) = defensive_tail(w, TAIL * alpha * alpha);
             let scattered =
                 interface.facets.sample_visible_normal(wo, [v, w]).and_then(|h| interface.scattered_by(wo, h));

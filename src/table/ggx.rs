@@ -11,6 +11,7 @@
 //! Where both are 0 the two limits differ for separable Smith; the mirror is taken.
 
 use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::specular::TAIL;
 use crate::error::Result;
 use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
@@ -147,9 +148,6 @@ impl Family for Split {
     }
 }
 
-/// How far inside the region of measure alpha² that a lobe loses its rim is resolved by Monte Carlo.
-const TAIL: f64 = 0.01;
-
 /// The mirror limit is a fact where alpha is at most this part of mu …
 const MIRROR_RATIO: f64 = 0.01;
 /// … and there each quantity is within this of the mirror's: measured for the exact G2 over that whole region (a test scans it),
@@ -208,9 +206,7 @@ impl Family for Average {
             return Ok(vec![Estimate::sigma(mirror_average(model.smith), MIRROR_ROUNDING)]);
         }
         let lobe = Ggx::isotropic(alpha, model.smith);
-        let (estimates, _) = integration.points3.integrate(integration.stop(), |[u, v, w]| {
-            // The density 2 mu of the cosine is exactly the weight of the average.
-            let wo = direction_with_cosine(u.sqrt());
+        let estimates = integration.average_over_cosine(|wo, [v, w]| {
             let (w, stretch) = defensive_tail(w, TAIL * alpha * alpha);
             [lobe.sample(wo, [v, w]).map_or(0.0, |s| s.weight * stretch)]
         });
