@@ -12,13 +12,13 @@ use kiln::math::frame::direction_with_cosine;
 use kiln::math::sobol::PointSet;
 use kiln::model::Lobe;
 use kiln::model::ggx::{Ggx, Smith};
-use kiln::table::{Axis, Model, Parameter, TableSpec, quantity};
+use kiln::table::{Axis, Parameter, TableSpec, quantity};
 use std::hint::black_box;
 
 fn dfg(size: usize, settings: Settings) {
     let channels = ["ggx.scale", "ggx.bias"].map(|name| quantity::find(name).expect("a quantity")).to_vec();
     let axes = vec![Axis::new(Parameter::Mu, size), Axis::new(Parameter::Roughness, size)];
-    let spec = TableSpec { channels, axes, model: Model::default() };
+    let spec = TableSpec { channels, axes, ..TableSpec::default() };
     let integration = Integration::new(settings).expect("valid settings");
     black_box(spec.bake(&integration, &|_| {}).expect("the tolerance is reached"));
 }

@@ -14,6 +14,7 @@
 //! | `input` | of an environment: what was read, its digest, what was repaired, its mean radiance |
 //! | `checks` | what the file was checked against: the figure, the limit, whether it passed |
 //! | `packing` | rounding error, overflowed, negative and non-finite values |
+//! | `rounding` | of a table: how many values are certified to be the nearest half, or an f32 within an ulp, and how many are undecided |
 //! | `lookup` | of a table: the error through bilinear filtering |
 
 use crate::check::Check;
@@ -22,6 +23,7 @@ use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
 use crate::recipe::{EnvironmentRecipe, TableRecipe};
 use crate::table::lookup::LookupError;
+use crate::table::rounding::Rounding;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -65,6 +67,9 @@ pub struct Certificate {
     pub checks: Vec<Check>,
     /// What packing changed.
     pub packing: PackReport,
+    /// How many of a table's values are known to be the right ones of their number format.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rounding: Option<Rounding>,
     /// What a shader sees of a table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lookup: Vec<LookupError>,
@@ -165,6 +170,7 @@ impl Certificate {
             levels: vec![],
             checks: vec![],
             packing: PackReport::default(),
+            rounding: None,
             lookup: vec![],
         }
     }

@@ -7,7 +7,7 @@ use crate::environment::{ChainSpec, Negatives, NonFinite};
 use crate::error::{Error, Result};
 use crate::format::FormatSpec;
 use crate::integrate::Settings;
-use crate::table::{Axis, Model, TableSpec, named, quantity};
+use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, Path};
 
@@ -41,9 +41,14 @@ pub struct TableRecipe {
     pub format: FormatSpec,
     /// Names of the quantities, one per channel.
     pub channels: Vec<String>,
-    /// The axes, the fastest (x) first.
-    #[serde(with = "axis_texts")]
+    /// The axes, one to three, the fastest (x) first.
     pub axes: Vec<Axis>,
+    /// Values of the parameters that no axis varies, such as `eta=1.5`.
+    #[serde(default, skip_serializing_if = "Point::is_empty")]
+    pub at: Point,
+    /// How slices are arranged, for three axes; `None` is the container's own way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layout: Option<Layout>,
     /// The choices within the model.
     #[serde(default)]
     pub model: Model,
@@ -101,22 +106,6 @@ fn default_irradiance_size() -> usize {
 
 fn default_cube_format() -> FormatSpec {
     FormatSpec::Ktx2(crate::pack::TexelFormat { channels: 4, number: crate::pack::Number::F16 })
-}
-
-/// Axes as the texts that a user writes: `mu:128:linear:centre`.
-mod axis_texts {
-    use super::Axis;
-    use serde::de::Error as _;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(axes: &[Axis], serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(axes.iter().map(Axis::to_string))
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Axis>, D::Error> {
-        let texts = Vec::<String>::deserialize(deserializer)?;
-        texts.iter().map(|t| t.parse().map_err(D::Error::custom)).collect()
-    }
 }
 
 impl Recipe {
@@ -201,19 +190,29 @@ impl TableRecipe {
     ///
     /// **Errors**: a quantity that does not exist.
     pub fn spec(&self) -> Result<TableSpec> {
-        let channels = self.channels.iter().map(|name| quantity::find(name)).collect::<Result<_>>()?;
-        Ok(TableSpec { channels, axes: self.axes.clone(), model: self.model })
+        let given =
+            |p: Parameter| self.axes.iter().any(|a| a.parameter.canonical() == p.canonical()) || self.at.get(p).is_ok();
+        let channels = self.channels.iter().map(|name| quantity::find_among(name, given)).collect::<Result<_>>()?;
+        Ok(TableSpec { channels, axes: self.axes.clone(), at: self.at, model: self.model })
+    }
+
+    /// How the table lies in its file.
+    ///
+    /// **Errors**: as [`TableRecipe::spec`]; a layout that the container does not have.
+    pub fn arrangement(&self) -> Result<Arrangement> {
+        Arrangement::new(&self.spec()?, self.format, self.layout)
     }
 
     /// Whether the format can hold the channels.
     ///
-    /// **Errors**: more channels than the texel format has; a channel twice.
+    /// **Errors**: more channels than the texel format has; a channel twice; a layout that the container does not have.
     pub fn check_format(&self) -> Result<()> {
         for (i, name) in self.channels.iter().enumerate() {
             if self.channels[..i].contains(name) {
                 return Err(Error::usage(format!("channel {name} is named twice"), "name each quantity once"));
             }
         }
+        self.arrangement()?;
         if let FormatSpec::Ktx2(texel) = self.format
             && self.channels.len() > texel.channels
         {
@@ -239,7 +238,9 @@ impl TableRecipe {
             file: format!("{name}.{}", format.extension()),
             format,
             channels: table.channels.iter().map(|&c| c.to_owned()).collect(),
-            axes: table.default_axes(),
+            axes: table.default_axes()?,
+            at: table.default_point()?,
+            layout: None,
             model: Model::default(),
             integration: Settings::default(),
         })

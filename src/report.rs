@@ -21,6 +21,8 @@ pub struct Preview {
 const TABLE_SIDE: usize = 256;
 /// Texels between the parts of a preview.
 const GAP: usize = 4;
+/// Parts that fit beside one another.
+const FEW: usize = 4;
 /// What lies between the parts.
 const BACKGROUND: [u8; 3] = [40, 40, 40];
 
@@ -46,18 +48,25 @@ impl Preview {
     }
 }
 
-/// A table: its channels side by side, 0 black and 1 white without any curve, row 0 at the top.
-pub fn table(width: usize, height: usize, channels: usize, values: &[f32]) -> Preview {
-    let scale = (TABLE_SIDE / width.max(height)).max(1);
+/// A table: its channels side by side, its slices below one another, 0 black and 1 white without any curve, row 0 at the top.
+///
+/// Where that makes a tower, or a single row of many channels, several stand side by side.
+pub fn table(width: usize, height: usize, channels: usize, slices: &[Vec<f32>]) -> Preview {
+    let n = slices.len() * channels;
+    let columns = if n <= FEW { n } else { ((n as f64).sqrt().ceil() as usize).next_multiple_of(channels.min(FEW)) };
+    let rows = n.div_ceil(columns);
+    let scale = ((if rows > 1 { TABLE_SIDE / 2 } else { TABLE_SIDE }) / width.max(height)).max(1);
     let strip = if height == 1 { 32 } else { height * scale }; // one row alone is too thin to see
-    let mut preview = Preview::blank(channels * (width * scale + GAP) - GAP, strip);
-    for c in 0..channels {
+    let mut preview = Preview::blank(columns * (width * scale + GAP) - GAP, rows * (strip + GAP) - GAP);
+    for tile in 0..n {
+        let (slice, channel) = (&slices[tile / channels], tile % channels);
+        let (left, top) = (tile % columns * (width * scale + GAP), tile / columns * (strip + GAP));
         for y in 0..strip {
             for x in 0..width * scale {
                 let row = if height == 1 { 0 } else { y / scale };
-                let value = values[(row * width + x / scale) * channels + c];
+                let value = slice[(row * width + x / scale) * channels + channel];
                 let grey = (255.0 * value.clamp(0.0, 1.0)).round() as u8; // NaN casts to 0
-                preview.put(c * (width * scale + GAP) + x, y, [grey; 3]);
+                preview.put(left + x, top + y, [grey; 3]);
             }
         }
     }
@@ -158,9 +167,18 @@ mod tests {
 
     #[test]
     fn a_table_is_shown_with_its_values_as_greys() {
-        let preview = table(2, 2, 1, &[0.0, 1.0, 0.5, f32::NAN]);
+        let preview = table(2, 2, 1, &[vec![0.0, 1.0, 0.5, f32::NAN]]);
         assert_eq!((preview.width, preview.height), (256, 256));
         let at = |x: usize, y: usize| preview.texels[y * 256 + x][0];
         assert_eq!([at(0, 0), at(255, 0), at(0, 255), at(255, 255)], [0, 255, 128, 0]);
+    }
+
+    #[test]
+    fn slices_of_a_volume_are_tiles() {
+        let slices: Vec<Vec<f32>> = (0..16).map(|z| vec![z as f32 / 15.0, 1.0]).collect();
+        let preview = table(1, 1, 2, &slices);
+        let side = preview.width.div_ceil(6);
+        let at = |column: usize, row: usize| preview.texels[(row * (32 + GAP)) * preview.width + column * side][0];
+        assert_eq!([at(0, 0), at(1, 0), at(2, 0), at(0, 1)], [0, 255, 17, 51]);
     }
 }

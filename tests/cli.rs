@@ -128,6 +128,99 @@ fn axes_can_be_warped_flipped_reordered_and_sampled_at_edges() {
 }
 
 #[test]
+fn three_axes_become_a_volume_layers_or_an_atlas_of_the_same_values() {
+    let folder = folder();
+    let bake = |more: &[&str]| {
+        let axes = ["table", "dielectric", "--axes", "mu:3,alpha:4:edge,eta:5:f0-fourth-root:edge"];
+        succeed(folder.path(), &[&axes[..], more].concat());
+    };
+    let read = |name: &str| std::fs::read(folder.path().join(name)).expect("reads");
+    bake(&["--format", "ktx2:rg32f", "-o", "volume.ktx2"]);
+    bake(&["-o", "layers.exr"]);
+    bake(&["-o", "atlas.exr", "--layout", "atlas:2"]);
+    let volume = ktx2::decode(&read("volume.ktx2")).expect("a KTX2");
+    let (layers, atlas) =
+        (exr::decode(&read("layers.exr")).expect("an EXR"), exr::decode(&read("atlas.exr")).expect("an EXR"));
+    assert_eq!((volume.width, volume.height, volume.depth), (3, 4, 5));
+    assert_eq!((layers.width, layers.height, layers.channels.len()), (3, 4, 10));
+    assert_eq!((atlas.width, atlas.height), (6, 12));
+    let whole = atlas.channel("dielectric.transmittance").expect("transmittance");
+    for z in 0..5 {
+        let slice = volume.face(0, z).expect("a slice");
+        let layer = layers.channel(&format!("slice0{z}.dielectric.transmittance")).expect("a layer");
+        for y in 0..4 {
+            for x in 0..3 {
+                let value = slice[2 * (3 * y + x) + 1];
+                assert_eq!(value, layer[3 * y + x], "layer {z} at {x}, {y}");
+                assert_eq!(value, whole[(z / 2 * 4 + y) * 6 + z % 2 * 3 + x], "atlas {z} at {x}, {y}");
+            }
+        }
+        // alpha = 0 is Fresnel's, at the index that z stands for; an infinite one lets nothing through.
+        let f0 = (z as f64 / 4.0).powi(4);
+        let eta = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
+        for x in 0..3 {
+            let mu: f64 = (x as f64 + 0.5) / 3.0;
+            let g = (eta * eta - 1.0 + mu * mu).sqrt();
+            let (s, p) = ((mu - g) / (mu + g), (eta * eta * mu - g) / (eta * eta * mu + g));
+            let wanted = if z == 4 { 0.0 } else { 1.0 - 0.5 * (s * s + p * p) };
+            assert!(
+                (f64::from(slice[2 * x + 1]) - wanted).abs() < 1e-7,
+                "z {z}, mu {mu}: {}, {wanted}",
+                slice[2 * x + 1]
+            );
+        }
+    }
+    let verified = succeed(folder.path(), &["verify", "volume.ktx2", "layers.exr", "atlas.exr"]);
+    assert!(!verified.stdout.contains("FAIL"), "{}", verified.stdout);
+    assert!(succeed(folder.path(), &["info", "volume.ktx2"]).stdout.contains("3 × 4 × 5"));
+    succeed(folder.path(), &["show", "volume.ktx2", "-o", "volume.png"]);
+}
+
+#[test]
+fn parameters_without_an_axis_are_given_a_value_that_the_certificate_keeps() {
+    let folder = folder();
+    let glass = ["table", "dielectric", "--axes", "mu:4,alpha:4:0.2..1", "--eta", "1.5", "-o", "glass.exr"];
+    succeed(folder.path(), &glass);
+    let image = exr::decode(&std::fs::read(folder.path().join("glass.exr")).expect("reads")).expect("an EXR");
+    let point = ["eval", "dielectric.reflectance", "--mu", "0.125", "--alpha", "0.3", "--eta", "1.5", "--json"];
+    let run = succeed(folder.path(), &point);
+    let rows: serde_json::Value = serde_json::from_str(&run.stdout).expect("JSON");
+    let (got, wanted) = (image.channel("dielectric.reflectance").expect("a channel")[0], rows[0]["value"].as_f64());
+    assert!((f64::from(got) - wanted.expect("a number")).abs() < 1e-6, "{got}, {wanted:?}");
+    let verified = succeed(folder.path(), &["verify", "glass.exr"]).stdout;
+    assert!(verified.contains("at eta 1.5"), "{verified}");
+    // A named table's own value gives way to an axis and to a flag.
+    let metal = ["table", "conductor-albedo", "--axes", "mu:4,alpha:4,n:2:0.2..3", "--k", "3", "-o", "metal.exr"];
+    succeed(folder.path(), &metal);
+    assert!(succeed(folder.path(), &["verify", "metal.exr"]).stdout.contains("at k 3 "));
+}
+
+#[test]
+fn an_anisotropic_albedo_is_chosen_by_its_parameters() {
+    let folder = folder();
+    let eval = |more: &[&str]| {
+        let run = succeed(folder.path(), &[&["eval", "ggx.albedo", "--json", "--mu", "0.4"][..], more].concat());
+        serde_json::from_str::<serde_json::Value>(&run.stdout).expect("JSON")
+    };
+    let (wide, turned) = (
+        eval(&["--phi", "0.3", "--alpha-x", "0.2", "--alpha-y", "0.7"]),
+        eval(&["--phi", &(std::f64::consts::FRAC_PI_2 - 0.3).to_string(), "--alpha-x", "0.7", "--alpha-y", "0.2"]),
+    );
+    let (a, b) = (&wide[0], &turned[0]);
+    assert_eq!((a["integrator"].as_str(), wide.as_array().map(Vec::len)), (Some("monte-carlo"), Some(1)));
+    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().expect("a number");
+    let sigma = number(a, "error").hypot(number(b, "error"));
+    assert!(
+        (number(a, "value") - number(b, "value")).abs() < 5.0 * sigma,
+        "a right angle exchanges the widths: {a} {b}"
+    );
+    assert_eq!(eval(&["--alpha", "0.4"])[0]["integrator"].as_str(), Some("quadrature"));
+    let axes = ["table", "ggx-albedo", "--axes", "mu:3,alpha_x:3,alpha_y:3", "--phi", "0.5", "--samples", "4096"];
+    succeed(folder.path(), &[&axes[..], &["-o", "a.ktx2"]].concat());
+    assert!(succeed(folder.path(), &["verify", "a.ktx2"]).stdout.contains("isotropic where the widths agree"));
+}
+
+#[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
     let (one, two) = (folder(), folder());
     let recipe = r#"
@@ -271,6 +364,16 @@ fn bad_requests_fail_with_usage_and_leave_nothing() {
         table(&["--size", "1000000", "-o", "x.exr"]),
         table(&["--size", "16384x16384", "-o", "x.exr"]),
         table(&["--size", "64x64x64", "-o", "x.exr"]),
+        table(&["--size", "8", "--layout", "atlas", "-o", "x.exr"]),
+        table(&["--size", "8", "--eta", "1.5", "-o", "x.exr"]),
+        table(&["--size", "8", "--mu", "0.5", "-o", "x.exr"]),
+        table(&["--axes", "mu:4:0.5..0.2,roughness:4", "-o", "x.exr"]),
+        table(&["--axes", "mu:4:log,roughness:4", "-o", "x.exr"]),
+        vec!["table", "dielectric", "--size", "4", "--layout", "volume", "-o", "x.exr"],
+        vec!["table", "dielectric", "--size", "4", "--layout", "pile", "-o", "x.exr"],
+        vec!["table", "dielectric", "--axes", "mu:4,alpha:4,eta:4", "-o", "x.exr"],
+        vec!["table", "dielectric", "--axes", "mu:4,alpha:4", "-o", "x.exr"],
+        vec!["table", "dielectric", "--axes", "mu:4,alpha:4,eta:4:1..2,f0:4", "-o", "x.exr"],
         table(&["--size", "many", "-o", "x.exr"]),
         table(&["--size", "8", "-o", "x.bin"]),
         table(&["--size", "8", "-o", "x.exr", "--format", "ktx2:rg16f"]),

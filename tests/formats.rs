@@ -171,15 +171,17 @@ fn ktx2_is_what_ktx_parse_reads() {
     for (format, vk_format) in TexelFormat::ALL.into_iter().zip([76, 83, 97, 100, 103, 109]) {
         let values: Vec<f64> = (0..15 * format.channels).map(|i| i as f64 / 7.0).collect();
         let (flat, _) = ktx2::Texture::flat(format, 5, 3, &values).unwrap();
-        for texture in [cube(format, 4), flat] {
+        let (volume, _) = ktx2::Texture::volume(format, [1, 3, 5], &values).unwrap();
+        for texture in [cube(format, 4), flat, volume] {
             let path = file(&folder, "a.ktx2", &ktx2::encode(&texture).unwrap());
             let Some(printed) = tools::node(READ_KTX2, &path) else { return };
             let mut lines = printed.lines();
             let head = format!(
-                "{vk_format} {} {} {} 0 0 {} {} 0",
+                "{vk_format} {} {} {} {} 0 {} {} 0",
                 format.number.bytes(),
                 texture.width,
                 texture.height,
+                texture.depth,
                 texture.faces,
                 texture.levels.len()
             );

@@ -267,6 +267,9 @@ fn closed_forms_say_that_they_are_and_agree_with_what_is_known_of_them() {
 fn an_axis_never_leaves_the_domain_of_its_parameter() {
     let axis = |p| kiln::table::Axis::new(p, 8).check();
     assert!(axis(Parameter::F0).is_ok());
-    let error = axis(Parameter::Eta).expect_err("eta begins at 0.1").to_string();
-    assert!(error.contains("an axis runs from 0 to 1, and eta from 0.1 to 10"), "{error}");
+    let error = axis(Parameter::Eta).expect_err("nobody knows where it ends").to_string();
+    assert!(error.contains("give it a range, such as eta:16:1..3"), "{error}");
+    let wide: kiln::table::Axis = "n:8:0.5..25".parse().expect("an axis");
+    let error = wide.check().expect_err("n ends at 20").to_string();
+    assert!(error.contains("leaves its domain [0.01, 20]"), "{error}");
 }

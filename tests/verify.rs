@@ -22,6 +22,8 @@ fn recipe(channels: &[&str], sampling: Sampling) -> TableRecipe {
         format: FormatSpec::Exr(Number::F32),
         channels: channels.iter().map(|&c| c.to_owned()).collect(),
         axes: vec![axis(Parameter::Mu), axis(Parameter::Roughness)],
+        at: Default::default(),
+        layout: None,
         model: Default::default(),
         integration: Default::default(),
     }

@@ -2,7 +2,9 @@
 
 use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
 use crate::error::Result;
-use crate::integrate::{ErrorKind, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
+use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
+use crate::pack::Number;
+use crate::table::quantity::Handle;
 use crate::table::{Parameter, TableSpec};
 use rayon::prelude::*;
 
@@ -15,10 +17,10 @@ pub struct TableValues<'a> {
     pub values: &'a [f64],
     /// The largest error of each channel as claimed, before packing: a bound, or a standard error.
     pub errors: &'a [f64],
-    /// What these errors are.
-    pub kind: ErrorKind,
-    /// Spacing of the packed numbers at a value; 0 for values that were not packed.
-    pub ulp: fn(f64) -> f64,
+    /// What the errors of each channel are.
+    pub kinds: &'a [ErrorKind],
+    /// How the values were packed; none for values in full precision.
+    pub number: Option<Number>,
 }
 
 /// By how much a texel is off, and by how much it may be.
@@ -37,12 +39,12 @@ impl Deviation {
 impl TableValues<'_> {
     /// How far `value` of `channel` may be from the truth: its integration error and half a unit of the last place.
     fn tolerance(&self, channel: usize, value: f64) -> f64 {
-        let integration = match self.kind {
+        let integration = match self.kinds[channel] {
             ErrorKind::Bound => self.errors[channel],
             ErrorKind::Sigma => SIGMAS * self.errors[channel],
         };
         // An ulp at the wanted value may be that of the next binade below: take the larger neighbour.
-        integration + 0.5 * (self.ulp)(value * (1.0 + 1e-3))
+        integration + 0.5 * self.number.map_or(0.0, |number| number.ulp(value * (1.0 + 1e-3)))
     }
 
     fn channel(&self, channel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
@@ -146,8 +148,9 @@ impl TableValues<'_> {
     /// the lobe is built with. The row is integrated by the trapezoidal rule over its texels; what that rule makes of the exact
     /// E is taken off, so that what is left is the texels' fault.
     fn closure(&self) -> Option<Check> {
-        let channel = self.find("ggx.albedo")?;
-        let [first, second] = self.spec.axes[..] else { return None };
+        let channel =
+            self.find("ggx.albedo").filter(|c| self.spec.channels[*c].quantity.depends_on(Parameter::Alpha))?;
+        let [first, second] = self.spec.axes[..] else { return None }; // a row per alpha
         let (mu_axis, mu_first) = if first.parameter == Parameter::Mu { (first, true) } else { (second, false) };
         let other = if mu_first { second } else { first };
         let mut order: Vec<(f64, usize)> = (0..mu_axis.size).map(|i| (mu_axis.value(i), i)).collect();
@@ -179,18 +182,19 @@ impl TableValues<'_> {
         self.worst("Kulla–Conty closure E + ∫ f_ms cos = 1", channel, rows.into_iter())
     }
 
-    /// The deterministic witness at every texel.
+    /// The deterministic witness at every texel of the channels that are `wanted` and have one.
     ///
     /// **Errors**: those of the integrator.
-    pub fn every_texel(&self) -> Result<Vec<Check>> {
+    pub fn every_texel(&self, wanted: impl Fn(&Handle) -> bool) -> Result<Vec<Check>> {
         let truth = Integration::new(Settings { integrator: Integrator::Quadrature, ..Settings::default() })?;
-        self.compare("quadrature at every texel", &truth, &(0..self.spec.len()).collect::<Vec<_>>())
+        let texels: Vec<usize> = (0..self.spec.len()).collect();
+        self.compare("quadrature at every texel", &truth, &texels, |h| h.family.has_quadrature() && wanted(h))
     }
 
-    /// The random witness, at texels of its own choosing or at all.
+    /// The random witness, at texels of its own choosing or at all, of the channels that are `wanted`.
     ///
     /// **Errors**: those of the integrator.
-    pub fn random_witness(&self, seed: u64, full: bool) -> Result<Vec<Check>> {
+    pub fn random_witness(&self, seed: u64, full: bool, wanted: impl Fn(&Handle) -> bool) -> Result<Vec<Check>> {
         // Another seed than the bake's: points that were used once prove nothing.
         let seed = seed ^ 0xA5A5_5A5A_C3C3_3C3C;
         let settings = Settings { integrator: Integrator::MonteCarlo, seed, ..Settings::default() };
@@ -202,29 +206,32 @@ impl TableValues<'_> {
         } else {
             format!("Monte Carlo at {WITNESS_POINTS} texels")
         };
-        let mut checks = self.compare(&name, &Integration::new(settings)?, &texels)?;
         // A closed form cannot bear witness to itself.
-        let sampled =
-            |c: &Check| !self.spec.channels.iter().any(|h| h.quantity.name == c.subject && h.family.is_pointwise());
-        checks.retain(sampled);
-        Ok(checks)
+        self.compare(&name, &Integration::new(settings)?, &texels, |h| !h.family.is_pointwise() && wanted(h))
     }
 
-    fn compare(&self, name: &str, witness: &Integration, texels: &[usize]) -> Result<Vec<Check>> {
-        let (n, evaluator) = (self.spec.channels.len(), self.spec.evaluator());
-        let rows: Vec<Vec<(f64, f64)>> = texels
-            .par_iter()
-            .map(|&texel| {
-                let estimates = evaluator.at(&self.spec.point(texel), witness)?;
-                let row = estimates.iter().enumerate().map(|(c, e)| {
-                    (self.values[texel * n + c] - e.value, self.tolerance(c, e.value) + e.half_width(SIGMAS))
-                });
-                Ok(row.collect())
+    fn compare(
+        &self,
+        name: &str,
+        witness: &Integration,
+        texels: &[usize],
+        wanted: impl Fn(&Handle) -> bool,
+    ) -> Result<Vec<Check>> {
+        let channels: Vec<usize> =
+            self.spec.channels.iter().enumerate().filter(|(_, h)| wanted(h)).map(|(c, _)| c).collect();
+        if channels.is_empty() {
+            return Ok(vec![]);
+        }
+        let (n, evaluator) = (self.spec.channels.len(), self.spec.evaluator_of(wanted));
+        let rows: Vec<Vec<Estimate>> =
+            texels.par_iter().map(|&texel| evaluator.at(&self.spec.point(texel), witness)).collect::<Result<_>>()?;
+        let deviations = |c: usize| {
+            texels.iter().zip(&rows).map(move |(&texel, row)| Deviation {
+                texel,
+                off: self.values[texel * n + c] - row[c].value,
+                tolerance: self.tolerance(c, row[c].value) + row[c].half_width(SIGMAS),
             })
-            .collect::<Result<_>>()?;
-        let of = |c: usize| {
-            texels.iter().zip(&rows).map(move |(&texel, row)| Deviation { texel, off: row[c].0, tolerance: row[c].1 })
         };
-        Ok((0..n).filter_map(|c| self.worst(name, c, of(c))).collect())
+        Ok(channels.into_iter().filter_map(|c| self.worst(name, c, deviations(c))).collect())
     }
 }

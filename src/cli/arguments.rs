@@ -1,11 +1,12 @@
 //! Arguments that several verbs share.
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
+use kiln::Result;
 use kiln::integrate::{Integrator, Settings};
 use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
 use kiln::model::layered::Kd;
-use kiln::table::Parameter;
+use kiln::table::{Model, Parameter, Point};
 
 /// `--integrator`, in words.
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -90,6 +91,27 @@ impl From<KdName> for Kd {
     }
 }
 
+/// The choices within a model.
+#[derive(Debug, Clone, Args)]
+pub struct ModelArgs {
+    /// Masking and shadowing
+    #[arg(long, value_enum, default_value = "correlated")]
+    pub smith: SmithName,
+    /// Visibility term of the sheen
+    #[arg(long, value_enum, default_value = "neubelt")]
+    pub visibility: VisibilityName,
+    /// What a specular layer leaves to the diffuse base (layered.albedo)
+    #[arg(long, value_enum, default_value = "albedo")]
+    pub kd: KdName,
+}
+
+impl ModelArgs {
+    /// The model.
+    pub fn model(&self) -> Model {
+        Model { smith: self.smith.into(), visibility: self.visibility.into(), kd: self.kd.into() }
+    }
+}
+
 /// How to integrate.
 #[derive(Debug, Clone, Default, Args)]
 pub struct IntegrationArgs {
@@ -132,20 +154,36 @@ pub struct ParameterArgs {
     pub given: Vec<(Parameter, f64)>,
 }
 
+impl ParameterArgs {
+    /// The point, where flags beat what was there.
+    ///
+    /// **Errors**: a value outside its parameter's domain.
+    pub fn over(&self, own: impl Iterator<Item = (Parameter, f64)>) -> Result<Point> {
+        let own = own.filter(|(p, _)| !self.given.iter().any(|(q, _)| q.canonical() == p.canonical()));
+        let all: Vec<(Parameter, f64)> = own.chain(self.given.iter().copied()).collect();
+        all.into_iter().try_fold(Point::default(), |point, (parameter, value)| point.with(parameter, value))
+    }
+}
+
 impl Args for ParameterArgs {
     fn augment_args(command: Command) -> Command {
         command.args(Parameter::ALL.map(|parameter| {
-            let (low, high) = parameter.domain();
             let name = parameter.name();
+            let flag = match parameter {
+                Parameter::AlphaX => "alpha-x",
+                Parameter::AlphaY => "alpha-y",
+                _ => name,
+            };
             let twins =
                 Parameter::ALL.into_iter().filter(|p| *p != parameter && p.canonical() == parameter.canonical());
             Arg::new(name)
-                .long(name)
+                .long(flag)
+                .alias(name)
                 .value_name("NUMBER")
                 .value_parser(clap::value_parser!(f64))
                 .allow_negative_numbers(true)
                 .conflicts_with_all(twins.map(Parameter::name).collect::<Vec<_>>())
-                .help(format!("{}, in [{low}, {high}]", capitalised(parameter.summary())))
+                .help(format!("{}, in {}", capitalised(parameter.summary()), parameter.domain_text()))
         }))
     }
 

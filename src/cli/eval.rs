@@ -1,6 +1,6 @@
 //! `kiln eval`: exact values of a quantity.
 
-use super::arguments::{IntegrationArgs, KdName, ParameterArgs, SmithName, VisibilityName};
+use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
 use super::console::{Console, columns};
 use clap::Args;
 use kiln::integrate::{Estimate, Integration, Integrator, Settings};
@@ -30,15 +30,8 @@ pub struct Eval {
     /// Take f0, eta, n and k of a material: see `kiln list materials`
     #[arg(long, value_name = "NAME", conflicts_with_all = ["points", "f0", "eta", "n", "k"])]
     material: Option<String>,
-    /// Masking and shadowing
-    #[arg(long, value_enum, default_value = "correlated")]
-    smith: SmithName,
-    /// What a specular layer leaves to the diffuse base (layered.albedo)
-    #[arg(long, value_enum, default_value = "albedo")]
-    kd: KdName,
-    /// Visibility term of the sheen
-    #[arg(long, value_enum, default_value = "neubelt")]
-    visibility: VisibilityName,
+    #[command(flatten)]
+    model: ModelArgs,
     #[command(flatten)]
     integration: IntegrationArgs,
 }
@@ -67,10 +60,10 @@ struct Place {
 
 impl Eval {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let model = Model { smith: self.smith.into(), visibility: self.visibility.into(), kd: self.kd.into() };
+        let model = self.model.model();
         let settings = self.integration.over(Settings::default());
         match &self.points {
-            Some(path) => many(quantity::find(&self.quantity)?, &model, settings, path, console),
+            Some(path) => many(&self.quantity, &model, settings, path, console),
             None => self.one(&self.handles()?, &model, settings, console),
         }
     }
@@ -81,7 +74,8 @@ impl Eval {
             Some(prefix) => quantity::all().filter(|h| h.quantity.name.starts_with(prefix)).collect(),
             None => vec![],
         };
-        if handles.is_empty() { Ok(vec![quantity::find(&self.quantity)?]) } else { Ok(handles) }
+        let given = |p: Parameter| self.parameters.given.iter().any(|(q, _)| q.canonical() == p.canonical());
+        if handles.is_empty() { Ok(vec![quantity::find_among(&self.quantity, given)?]) } else { Ok(handles) }
     }
 
     /// The point that the flags name, once per part of the material.
@@ -147,6 +141,7 @@ impl Eval {
     fn witnesses(&self, handle: Handle, settings: Settings) -> Vec<(Integrator, Settings)> {
         let witnesses = match settings.integrator {
             _ if handle.family.is_pointwise() => vec![Integrator::Quadrature],
+            Integrator::Auto if !handle.family.has_quadrature() => vec![Integrator::MonteCarlo],
             Integrator::Auto => vec![Integrator::Quadrature, Integrator::MonteCarlo],
             one => vec![one],
         };
@@ -215,7 +210,7 @@ fn witness_name(handle: Handle, integrator: Integrator) -> &'static str {
     if handle.family.is_pointwise() { "closed-form" } else { integrator.name() }
 }
 
-fn many(handle: Handle, model: &Model, settings: Settings, path: &Path, console: &Console) -> Result<()> {
+fn many(name: &str, model: &Model, settings: Settings, path: &Path, console: &Console) -> Result<()> {
     let file = std::fs::File::open(path).map_err(|e| Error::reading(path, e))?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
     let broken = |e: csv::Error| match e.kind() {
@@ -235,6 +230,7 @@ fn many(handle: Handle, model: &Model, settings: Settings, path: &Path, console:
         )
         .in_file(path));
     }
+    let handle = quantity::find_among(name, |p| columns.iter().any(|(_, q)| q.canonical() == p.canonical()))?;
     let records: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().map_err(broken)?;
     let integration = Integration::new(settings)?;
     let estimates: Vec<Estimate> = records
@@ -269,7 +265,8 @@ fn print_points(
     console: &Console,
 ) -> Result<()> {
     if console.json {
-        let integrator = if integration.is_monte_carlo() { Integrator::MonteCarlo } else { Integrator::Quadrature };
+        let random = handle.is_monte_carlo(integration);
+        let integrator = if random { Integrator::MonteCarlo } else { Integrator::Quadrature };
         let row = |(record, e): (&csv::StringRecord, &Estimate)| {
             let value = |text: &str| text.parse::<f64>().map_or_else(|_| text.into(), serde_json::Value::from);
             let parameters = header.iter().zip(record).map(|(name, text)| (name.to_owned(), value(text))).collect();

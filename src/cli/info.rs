@@ -24,6 +24,7 @@ struct Facts {
     kind: String,
     width: usize,
     height: usize,
+    depth: usize,
     faces: usize,
     levels: usize,
     channels: Vec<Range>,
@@ -88,6 +89,7 @@ fn of_image(path: &Path, kind: &str, image: Image) -> Facts {
         kind: kind.to_owned(),
         width: image.width,
         height: image.height,
+        depth: 1,
         faces: 1,
         levels: 1,
         channels,
@@ -117,12 +119,13 @@ fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
 fn of_texture(path: &Path, texture: ktx2::Texture) -> Facts {
     let n = texture.format.channels;
     let names: Vec<String> = ["R", "G", "B", "A"][..n].iter().map(|&s| s.to_owned()).collect();
-    let values: Vec<f32> = (0..texture.faces).filter_map(|face| texture.face(0, face)).flatten().collect();
+    let values: Vec<f32> = (0..texture.layers(0)).filter_map(|face| texture.face(0, face)).flatten().collect();
     Facts {
         file: path.to_owned(),
         kind: format!("KTX2 {}", texture.format),
         width: texture.width,
         height: texture.height,
+        depth: texture.depth.max(1),
         faces: texture.faces,
         levels: texture.levels.len(),
         channels: ranges(&names, &values, n),
@@ -150,6 +153,9 @@ fn ranges(names: &[String], values: &[f32], n: usize) -> Vec<Range> {
 
 fn text(facts: &Facts) -> String {
     let mut text = format!("{}: {}, {} × {}", facts.file.display(), facts.kind, facts.width, facts.height);
+    if facts.depth > 1 {
+        text += &format!(" × {}", facts.depth);
+    }
     if facts.faces > 1 {
         text += &format!(", {} faces", facts.faces);
     }

@@ -6,7 +6,7 @@ use kiln::Result;
 use kiln::environment::{BUILTIN_PREFIX, BUILTINS};
 use kiln::format::FormatSpec;
 use kiln::material::{self, MATERIALS, Material, Part};
-use kiln::table::{Axis, Parameter, named, quantity};
+use kiln::table::{Axis, Parameter, Point, named, quantity};
 use serde::Serialize;
 
 /// List tables, quantities, materials, formats or environments
@@ -37,6 +37,7 @@ struct TableRow {
     summary: &'static str,
     channels: &'static [&'static str],
     axes: Vec<Axis>,
+    at: Point,
 }
 
 #[derive(Serialize)]
@@ -68,14 +69,28 @@ fn names(parameters: &[Parameter]) -> String {
 fn tables(console: &Console) -> Result<()> {
     let rows: Vec<TableRow> = named::TABLES
         .iter()
-        .map(|t| TableRow { name: t.name, summary: t.summary, channels: t.channels, axes: t.default_axes() })
-        .collect();
+        .map(|t| {
+            Ok(TableRow {
+                name: t.name,
+                summary: t.summary,
+                channels: t.channels,
+                axes: t.default_axes()?,
+                at: t.default_point()?,
+            })
+        })
+        .collect::<Result<_>>()?;
     if console.json {
         return console.print_json(&rows);
     }
-    let axes = |axes: &[Axis]| axes.iter().map(ToString::to_string).collect::<Vec<_>>().join(" × ");
-    let cells: Vec<Vec<String>> =
-        rows.iter().map(|r| vec![r.name.into(), r.channels.join(", "), axes(&r.axes), r.summary.into()]).collect();
+    let axes = |axes: &[Axis], at: &Point| {
+        let axes: Vec<String> = axes.iter().map(Axis::brief).collect();
+        let fixed = if at.is_empty() { String::new() } else { format!(" at {at}") };
+        axes.join(" × ") + &fixed
+    };
+    let cells: Vec<Vec<String>> = rows
+        .iter()
+        .map(|r| vec![r.name.into(), r.channels.join(", "), axes(&r.axes, &r.at), r.summary.into()])
+        .collect();
     console.print(&columns(&["table", "channels", "axes", "what it is for"], &cells))
 }
 

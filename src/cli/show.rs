@@ -36,15 +36,15 @@ impl Show {
                 if texture.faces == 6 {
                     return report::cube(&texture, self.exposure);
                 }
-                let values = texture.face(0, 0).unwrap_or_default();
-                Ok(report::table(texture.width, texture.height, texture.format.channels, &values))
+                let slices: Vec<Vec<f32>> = (0..texture.layers(0)).filter_map(|z| texture.face(0, z)).collect();
+                Ok(report::table(texture.width, texture.height, texture.format.channels, &slices))
             }
             FileKind::Exr => {
                 let image = exr::decode(&bytes)?;
                 // What has colour is radiance; what has not is a table.
                 match report::panorama(&image, self.exposure) {
                     Ok(preview) => Ok(preview),
-                    Err(_) => Ok(report::table(image.width, image.height, image.channels.len(), &image.texels)),
+                    Err(_) => Ok(report::table(image.width, image.height, image.channels.len(), &[image.texels])),
                 }
             }
             _ => report::panorama(&decode_image(&bytes)?, self.exposure),

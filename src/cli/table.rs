@@ -1,45 +1,57 @@
 //! `kiln table`: one table.
 
-use super::arguments::{IntegrationArgs, SmithName, VisibilityName};
+use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
 use kiln::format::FormatSpec;
+use kiln::math::warp::Warp;
 use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::TableRecipe;
-use kiln::table::{Axis, named};
+use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+static AFTER_HELP: LazyLock<String> = LazyLock::new(|| {
+    format!(
+        "Axes: PARAMETER[:SIZE][:LOW..HIGH][:WARP][:centre|edge][:flip], x first, then y, then z, such as\n  \
+         --axes mu:64:sqrt:edge,roughness:32:flip\n  \
+         --axes mu:16,alpha:16,eta:16:1..2.5\n\
+         The smallest value comes first, texels are centres, unless axes say otherwise.\n\
+         Warps, the function of the parameter in which texels are even:\n  {}",
+        Warp::SYNTAX
+    )
+});
 
 /// Bake one table
 #[derive(Debug, Args)]
-#[command(after_help = "Axes: PARAMETER[:SIZE][:linear|sqrt|cbrt|square][:centre|edge][:flip], x first, such as\n  \
-                        --axes mu:64:sqrt:edge,roughness:32:flip\n\
-                        x is mu, y is roughness, row 0 the smallest, texel centres, unless axes say otherwise.")]
+#[command(after_help = AFTER_HELP.as_str())]
 pub struct Table {
     /// Which table: see `kiln list tables`
     name: String,
     /// File to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Texels along the axes, such as 64x64
-    #[arg(long, value_name = "WxH")]
+    /// Texels along the axes, such as 64x64 or 16x16x16
+    #[arg(long, value_name = "WxHxD")]
     size: Option<String>,
     /// Container and number format, such as exr:f32, ktx2:rg16f [default: by the file's extension]
     #[arg(long)]
     format: Option<FormatSpec>,
-    /// Axes, x first
+    /// Axes, one to three, x first
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<Axis>,
+    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume in a KTX2, slices in an EXR]
+    #[arg(long)]
+    layout: Option<Layout>,
     /// Quantities, one per channel, instead of the table's own: see `kiln list quantities`
     #[arg(long, value_name = "QUANTITY", value_delimiter = ',')]
     channels: Vec<String>,
-    /// Masking and shadowing
-    #[arg(long, value_enum, default_value = "correlated")]
-    smith: SmithName,
-    /// Visibility term of the sheen
-    #[arg(long, value_enum, default_value = "neubelt")]
-    visibility: VisibilityName,
+    #[command(flatten)]
+    model: ModelArgs,
+    #[command(flatten, next_help_heading = "Parameters that no axis varies")]
+    parameters: ParameterArgs,
     #[command(flatten)]
     integration: IntegrationArgs,
 }
@@ -62,8 +74,9 @@ impl Table {
             recipe.channels.clone_from(&self.channels);
         }
         recipe.axes = self.axes(&recipe.axes)?;
-        recipe.model.smith = self.smith.into();
-        recipe.model.visibility = self.visibility.into();
+        recipe.model = self.model.model();
+        recipe.at = self.point(&recipe)?;
+        recipe.layout = self.layout;
         recipe.integration = self.integration.over(recipe.integration);
         let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
             Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")
@@ -71,6 +84,15 @@ impl Table {
         name.clone_into(&mut recipe.file);
         let folder = self.output.parent().map(Path::to_owned).unwrap_or_default();
         Ok((recipe, folder))
+    }
+
+    /// The given values, and the table's own where they still mean something.
+    fn point(&self, recipe: &TableRecipe) -> Result<Point> {
+        let spec = recipe.spec()?;
+        let own = recipe.at.given().filter(|(p, _)| {
+            spec.axis(*p).is_none() && spec.channels.iter().any(|channel| channel.quantity.depends_on(*p))
+        });
+        self.parameters.over(own)
     }
 
     fn format(&self, n_channels: usize) -> Result<FormatSpec> {

@@ -1,9 +1,9 @@
-//! KTX 2.0 (`.ktx2`): two-dimensional textures and cube maps of float texels, with any number of mips.
+//! KTX 2.0 (`.ktx2`): two- and three-dimensional textures and cube maps of float texels, with any number of mips.
 //!
 //! - **Written**: uncompressed levels, smallest first in the file and largest first in its index, each aligned to
 //!   lcm(texel size, 4); a basic data format descriptor (RGBSDA, linear, BT.709, straight alpha, signed floats); the pair
 //!   `KTXwriter` always, and metadata as NUL-terminated UTF-8, all sorted by key.
-//! - **Read**: the same. Supercompression, other formats, arrays and volumes are refused; sizes are checked against the
+//! - **Read**: the same. Supercompression, other formats and arrays are refused; sizes are checked against the
 //!   length of the file before anything is allocated for them.
 //!
 //! **Source**: Khronos, *KTX File Format Specification* 2.0 and *Data Format Specification* 1.4, basic descriptor block; the
@@ -36,9 +36,11 @@ pub struct Texture {
     pub width: usize,
     /// Rows of level 0.
     pub height: usize,
+    /// Slices of level 0 of a three-dimensional texture; 0 for any other.
+    pub depth: usize,
     /// 1, or 6 for a cube map: +X −X +Y −Y +Z −Z.
     pub faces: usize,
-    /// The packed texels, level 0 first; a level is its faces, a face its rows, a row its texels.
+    /// The packed texels, level 0 first; a level is its faces or slices, each its rows, a row its texels.
     pub levels: Vec<Vec<u8>>,
     /// Key/value pairs, sorted by key in the file. `KTXwriter` is set by [`encode`], whatever stands here.
     pub metadata: Vec<(String, String)>,
@@ -57,18 +59,44 @@ impl Texture {
         values: &[T],
     ) -> Result<(Self, PackReport)> {
         let (level, report) = format.number.pack(values);
-        let texture = Self { format, width, height, faces: 1, levels: vec![level], metadata: Vec::new() };
+        let texture = Self { format, width, height, depth: 0, faces: 1, levels: vec![level], metadata: Vec::new() };
+        texture.check()?;
+        Ok((texture, report))
+    }
+
+    /// The same as slices of a three-dimensional texture.
+    ///
+    /// **Shape**: `values` is depth × height × width × channels, channel fastest.
+    ///
+    /// **Errors**: another number of values than that.
+    pub fn volume<T: Copy + Into<f64>>(
+        format: TexelFormat,
+        [width, height, depth]: [usize; 3],
+        values: &[T],
+    ) -> Result<(Self, PackReport)> {
+        let (level, report) = format.number.pack(values);
+        let texture = Self { format, width, height, depth, faces: 1, levels: vec![level], metadata: Vec::new() };
         texture.check()?;
         Ok((texture, report))
     }
 
     /// Width and height of a level: halved each time, rounded down, but not below 1.
     pub fn level_size(&self, level: usize) -> [usize; 2] {
-        let halved = |size: usize| size.checked_shr(level as u32).unwrap_or(0).max(1);
-        [halved(self.width), halved(self.height)]
+        let [width, height, _] = self.level_box(level);
+        [width, height]
     }
 
-    /// The values of one face of one level, row by row, channel fastest; none where there is no such face or level.
+    /// Width, height and number of slices of a level.
+    fn level_box(&self, level: usize) -> [usize; 3] {
+        [self.width, self.height, self.depth].map(|size| size.checked_shr(level as u32).unwrap_or(0).max(1))
+    }
+
+    /// Faces, or slices, of a level.
+    pub fn layers(&self, level: usize) -> usize {
+        self.faces * self.level_box(level)[2]
+    }
+
+    /// The values of one face, or slice, of one level, row by row, channel fastest; none where there is no such face or level.
     pub fn face(&self, level: usize, face: usize) -> Option<Vec<f32>> {
         let [width, height] = self.level_size(level);
         let size = width * height * self.format.bytes();
@@ -83,21 +111,23 @@ impl Texture {
 
     /// Bytes of a level; nothing where that overflows.
     fn level_bytes(&self, level: usize) -> Option<usize> {
-        let [width, height] = self.level_size(level);
-        width.checked_mul(height)?.checked_mul(self.format.bytes())?.checked_mul(self.faces)
+        let [width, height, depth] = self.level_box(level);
+        width.checked_mul(height)?.checked_mul(depth)?.checked_mul(self.format.bytes())?.checked_mul(self.faces)
     }
 
     /// Refuses what no KTX2 file can hold.
     fn check(&self) -> Result<()> {
-        let Self { width, height, faces, .. } = *self;
-        let size = format!("a texture of {width} × {height} texels");
-        if width.min(height) == 0 || width.max(height) > u32::MAX as usize {
+        let Self { width, height, depth, faces, .. } = *self;
+        let slices = if depth > 0 { format!(" × {depth}") } else { String::new() };
+        let size = format!("a texture of {width} × {height}{slices} texels");
+        let largest = width.max(height).max(depth);
+        if width.min(height) == 0 || largest > u32::MAX as usize {
             return Err(Error::usage(size, "give a width and a height from 1 to 4294967295"));
         }
-        if faces != 1 && (faces != 6 || width != height) {
+        if faces != 1 && (faces != 6 || width != height || depth > 0) {
             return Err(Error::usage(format!("{size} with {faces} faces"), "give one face, or six square ones"));
         }
-        let max_levels = (width.max(height).ilog2() + 1) as usize;
+        let max_levels = (largest.ilog2() + 1) as usize;
         if !(1..=max_levels).contains(&self.levels.len()) {
             let n = self.levels.len();
             return Err(Error::usage(format!("{size} with {n} mip levels"), format!("give 1 to {max_levels} levels")));
@@ -132,7 +162,7 @@ pub fn encode(texture: &Texture) -> Result<Vec<u8>> {
         type_size,
         pixel_width: to_u32(texture.width)?,
         pixel_height: to_u32(texture.height)?,
-        pixel_depth: 0,
+        pixel_depth: to_u32(texture.depth)?,
         layer_count: 0,
         face_count: to_u32(texture.faces)?,
         level_count: to_u32(texture.levels.len())?,
@@ -237,7 +267,7 @@ mod tests {
         let format = "rg16f".parse().unwrap();
         let levels = [4_usize, 2, 1].map(|size| (0..6 * size * size * 4).map(|i| i as u8).collect()).to_vec();
         let metadata = vec![("b".into(), "β".into()), ("a".into(), String::new())];
-        Texture { format, width: 4, height: 4, faces: 6, levels, metadata }
+        Texture { format, width: 4, height: 4, depth: 0, faces: 6, levels, metadata }
     }
 
     #[test]
@@ -256,17 +286,30 @@ mod tests {
         let values: Vec<f32> = (0..24).map(|i| i as f32).collect();
         let (level0, _) = Number::F32.pack(&values);
         let (level1, _) = Number::F32.pack(&values[..6]);
-        let texture = Texture { format, width: 2, height: 2, faces: 6, levels: vec![level0, level1], metadata: vec![] };
+        let texture =
+            Texture { format, width: 2, height: 2, depth: 0, faces: 6, levels: vec![level0, level1], metadata: vec![] };
         assert_eq!(texture.face(0, 5).unwrap(), [20.0, 21.0, 22.0, 23.0]);
         assert_eq!(texture.face(1, 2).unwrap(), [2.0]);
         assert_eq!((texture.face(1, 6), texture.face(2, 0)), (None, None));
     }
 
     #[test]
+    fn a_volume_keeps_its_slices_in_order() {
+        let values: Vec<f32> = (0..24).map(|i| i as f32).collect();
+        let (texture, _) = Texture::volume("r32f".parse().unwrap(), [4, 3, 2], &values).unwrap();
+        let back = decode(&encode(&texture).unwrap()).unwrap();
+        assert_eq!((back.depth, back.faces, back.layers(0)), (2, 1, 2));
+        assert_eq!((back.face(0, 1).unwrap(), back.face(0, 2)), (values[12..].to_vec(), None));
+        let flat = Texture { depth: 0, ..texture.clone() };
+        assert!(encode(&flat).unwrap_err().to_string().contains("4 × 3 texels holds 96 bytes"));
+        assert!(encode(&Texture { faces: 6, ..texture }).is_err());
+    }
+
+    #[test]
     fn levels_are_aligned_and_the_smallest_comes_first() {
         for format in TexelFormat::ALL {
             let levels = [(5, 3), (2, 1), (1, 1)].map(|(w, h)| vec![0; w * h * format.bytes()]).to_vec();
-            let texture = Texture { format, width: 5, height: 3, faces: 1, levels, metadata: vec![] };
+            let texture = Texture { format, width: 5, height: 3, depth: 0, faces: 1, levels, metadata: vec![] };
             let file = encode(&texture).unwrap();
             let reader = ::ktx2::Reader::new(&file).unwrap();
             let offsets: Vec<usize> =

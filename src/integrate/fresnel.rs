@@ -13,6 +13,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// From the denser side, light beyond the critical angle is all reflected, 1 − η² of it; for the rest μ dμ = η² μ_t dμ_t by
 /// Snell's law, and the reflectance is that of the way back: F_avg(η) = 1 − η² + η² F_avg(1/η).
 pub fn dielectric_average(eta: f64, tolerance: f64) -> Estimate {
+    if eta == 0.0 || eta == f64::INFINITY {
+        return Estimate::bound(1.0, 0.0);
+    }
     if eta < 1.0 {
         let outside = dielectric_average(1.0 / eta, tolerance);
         let eta2 = eta * eta;

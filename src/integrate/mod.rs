@@ -176,7 +176,12 @@ impl Integration {
 
     /// The largest error that the chosen witness may leave.
     pub fn tolerance(&self) -> f64 {
-        let default = if self.is_monte_carlo() { MONTE_CARLO_TOLERANCE } else { QUADRATURE_TOLERANCE };
+        self.tolerance_of(self.is_monte_carlo())
+    }
+
+    /// The largest error that the random witness may leave, or the deterministic one.
+    pub fn tolerance_of(&self, monte_carlo: bool) -> f64 {
+        let default = if monte_carlo { MONTE_CARLO_TOLERANCE } else { QUADRATURE_TOLERANCE };
         self.settings.tolerance.unwrap_or(default)
     }
 

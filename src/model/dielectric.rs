@@ -31,8 +31,12 @@ pub fn transmittance(mu: f64, mu_t: f64, eta: f64) -> f64 {
     product / (mu + eta * mu_t).powi(2) + product / (eta * mu + mu_t).powi(2)
 }
 
-/// The cosine of the refracted direction by Snell's law; `None` where all is reflected.
+/// The cosine of the refracted direction by Snell's law; `None` where all is reflected: beyond the critical angle, and at the
+/// limits of the index, 0 and infinity.
 pub fn refracted_cosine(mu: f64, eta: f64) -> Option<f64> {
+    if eta == 0.0 || eta == f64::INFINITY {
+        return None;
+    }
     // η² − sin² without cancellation near grazing incidence and η = 1
     let squared = (eta - 1.0) * (eta + 1.0) + mu * mu;
     (squared >= 0.0).then(|| squared.sqrt() / eta)

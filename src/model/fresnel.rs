@@ -52,8 +52,11 @@ pub fn f82_tint(f0: f64, f82: f64, mu: f64) -> f64 {
 
 /// The amplitudes (r∥, r⊥) at an interface between dielectrics; `None` beyond the critical angle, where all is reflected.
 ///
-/// `eta` is n_t/n_i, on either side of 1.
+/// `eta` is n_t/n_i, on either side of 1; at its limits, 0 and infinity, all is reflected too.
 pub fn dielectric_amplitudes(mu: f64, eta: f64) -> Option<[f64; 2]> {
+    if eta == f64::INFINITY {
+        return None;
+    }
     let step = (eta - 1.0) * (eta + 1.0);
     if step == 0.0 {
         return Some([0.0; 2]); // no interface, not even at grazing incidence, where the formula is 0/0

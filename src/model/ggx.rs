@@ -54,6 +54,16 @@ impl Ggx {
         self.squeeze(DVec3::new(r * cos_phi + o.x, r * sin_phi + o.y, height)).try_normalize()
     }
 
+    /// f cosθ_i over the density of reflecting at a visible normal `m`, in cancelled form: G2/G1; 0 below the horizon.
+    pub fn weight(&self, wo: DVec3, m: DVec3) -> f64 {
+        let wi = reflect(wo, m);
+        if wi.z <= 0.0 {
+            return 0.0;
+        }
+        let (l_o, l_i) = (self.l(wo), self.l(wi));
+        2.0 * (wo.z + l_o) * wi.z * self.visibility((wo.z, l_o), (wi.z, l_i))
+    }
+
     /// ℓ(w): the length of `w` squeezed by the widths.
     pub fn l(&self, w: DVec3) -> f64 {
         self.squeeze(w).length()
@@ -84,9 +94,7 @@ impl Lobe for Ggx {
         if wi.z <= 0.0 {
             return None;
         }
-        let (l_o, l_i) = (self.l(wo), self.l(wi));
-        let weight = 2.0 * (wo.z + l_o) * wi.z * self.visibility((wo.z, l_o), (wi.z, l_i));
-        Some(Sample { wi, pdf: self.d(m) / (2.0 * (wo.z + l_o)), weight })
+        Some(Sample { wi, pdf: self.d(m) / (2.0 * (wo.z + self.l(wo))), weight: self.weight(wo, m) })
     }
 
     fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {

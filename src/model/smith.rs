@@ -66,15 +66,16 @@ impl Smith {
     /// `None` for the approximations, which are made for reflection.
     pub fn through(self, (mu_o, l_o): (f64, f64), (mu_t, l_t): (f64, f64)) -> Option<f64> {
         match self {
+            Self::SchlickIbl | Self::SchlickDirect | Self::ApproxCorrelated => None,
+            _ if mu_t == 0.0 => Some(0.0), // the limit wherever mu_o > 0; where it is 0 as well, no facet refracts
             Self::Correlated => Some(2.0 * mu_t / (mu_t * l_o + mu_o * l_t)),
             Self::Separable => Some(4.0 * mu_t / ((mu_o + l_o) * (mu_t + l_t))),
-            Self::Beta if mu_o == 0.0 || mu_t == 0.0 => Some(0.0), // Λ is infinite
+            Self::Beta if mu_o == 0.0 => Some(0.0), // Λ is infinite
             Self::Beta => {
                 // 1 + Λ = (μ + ℓ)/2μ
                 let (a, b) = (0.5 * (mu_o + l_o) / mu_o, 0.5 * (mu_t + l_t) / mu_t);
                 Some((libm::lgamma(a) + libm::lgamma(b) - libm::lgamma(a + b)).exp() / mu_o)
             }
-            Self::SchlickIbl | Self::SchlickDirect | Self::ApproxCorrelated => None,
         }
     }
 

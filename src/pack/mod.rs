@@ -81,6 +81,11 @@ impl Number {
         }
     }
 
+    /// Whether every value from `low` to `high` packs to the same number.
+    pub fn rounds_alike(self, low: f64, high: f64) -> bool {
+        self.pack(&[low]).0 == self.pack(&[high]).0
+    }
+
     /// Spacing of the format's numbers at `value`: one unit in the last place.
     pub fn ulp(self, value: f64) -> f64 {
         match self {

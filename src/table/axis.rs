@@ -10,8 +10,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Where in [0, 1] the texels of an axis sit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Sampling {
     /// Texel i holds (i + ½)/n; the shader samples with the coordinate as it is.
     #[default]
@@ -23,45 +22,50 @@ pub enum Sampling {
 /// Texels that an axis can have at most: what graphics hardware samples.
 pub const LARGEST_SIZE: usize = 16384;
 
-/// Texels along one direction of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Texels along one direction of a table; a file or a user has it as a text, see [`Axis::from_str`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Axis {
     /// The parameter that varies.
     pub parameter: Parameter,
     /// Texels.
     pub size: usize,
+    /// Smallest and largest value; `None` is [`Parameter::range`].
+    pub range: Option<(f64, f64)>,
     /// The function of the parameter that is even in the texture coordinate.
-    #[serde(default)]
     pub warp: Warp,
     /// Centres or edges.
-    #[serde(default)]
     pub sampling: Sampling,
-    /// Whether texel 0 holds the largest value instead of the smallest.
-    #[serde(default)]
+    /// Whether the texture coordinate runs backwards.
     pub flip: bool,
 }
 
 impl Axis {
     /// `size` texel centres, even in the parameter itself, smallest first.
     pub fn new(parameter: Parameter, size: usize) -> Self {
-        Self { parameter, size, warp: Warp::Linear, sampling: Sampling::Centre, flip: false }
+        Self { parameter, size, range: None, warp: Warp::Linear, sampling: Sampling::Centre, flip: false }
+    }
+
+    /// Smallest and largest value of the parameter along the axis, if it is known where it ends.
+    pub fn known_range(&self) -> Option<(f64, f64)> {
+        let of_warp = (self.warp == Warp::F0FourthRoot).then_some((1.0, f64::INFINITY));
+        self.range.or(of_warp).or(self.parameter.range())
+    }
+
+    /// The same for an axis that [`Axis::check`] has passed.
+    pub fn ends(&self) -> (f64, f64) {
+        self.known_range().unwrap_or(self.parameter.domain())
     }
 
     /// The value of the parameter at texel `i`.
     pub fn value(&self, i: usize) -> f64 {
-        let n = self.size as f64;
-        let t = match self.sampling {
-            Sampling::Centre => (i as f64 + 0.5) / n,
-            Sampling::Edge => i as f64 / (n - 1.0),
-        };
-        self.parameter_at(if self.flip { 1.0 - t } else { t })
+        self.value_at_position(i as f64)
     }
 
     /// Where the parameter `x` lies, in texels: the inverse of [`Axis::value`], between and beyond texels too.
     pub fn position(&self, x: f64) -> f64 {
-        let (low, high) = self.parameter.domain();
-        let t = self.warp.forward((x - low) / (high - low));
+        let (first, last) = self.warped_ends();
+        let t = (self.warp.forward(x) - first) / (last - first);
         let t = if self.flip { 1.0 - t } else { t };
         let n = self.size as f64;
         match self.sampling {
@@ -70,7 +74,7 @@ impl Axis {
         }
     }
 
-    /// The parameter at a position in texels; beyond the outermost texels as far as the domain goes.
+    /// The parameter at a position in texels; beyond the outermost texels as far as the range goes.
     pub fn value_at_position(&self, position: f64) -> f64 {
         let n = self.size as f64;
         let t = match self.sampling {
@@ -78,29 +82,50 @@ impl Axis {
             Sampling::Edge => position / (n - 1.0),
         };
         let t = if self.flip { 1.0 - t } else { t };
-        self.parameter_at(t.clamp(0.0, 1.0)) // a position half a texel outside is the end of the domain
+        self.parameter_at(t.clamp(0.0, 1.0)) // a position half a texel outside is the end of the range
     }
 
-    /// The parameter at the warped coordinate `t`: the warp acts on the part of the parameter's domain.
+    /// The parameter at the texture coordinate `t`, both ends exactly.
     fn parameter_at(&self, t: f64) -> f64 {
-        let (low, high) = self.parameter.domain();
-        low + (high - low) * self.warp.inverse(t)
+        let (low, high) = self.ends();
+        let (first, last) = self.warped_ends();
+        let (start, end) = if self.falls() { (high, low) } else { (low, high) };
+        if t == 0.0 {
+            start
+        } else if t == 1.0 {
+            end
+        } else {
+            // Rounding beside an end must not leave the range.
+            self.warp.inverse(first + t * (last - first), low < 1.0).clamp(low, high)
+        }
+    }
+
+    /// The warp at the ends of the range, in the order of the texture coordinate: rising.
+    fn warped_ends(&self) -> (f64, f64) {
+        let (low, high) = self.ends();
+        let (a, b) = (self.warp.forward(low), self.warp.forward(high));
+        (a.min(b), a.max(b))
+    }
+
+    /// Whether the parameter falls as the warp rises.
+    fn falls(&self) -> bool {
+        let (low, high) = self.ends();
+        self.warp.forward(low) > self.warp.forward(high)
+    }
+
+    /// The shortest text that stands for the axis.
+    pub fn brief(&self) -> String {
+        self.to_string().replace(":linear", "").replace(":centre", "")
     }
 
     /// Whether the axis can be baked.
     ///
-    /// **Errors**: a parameter whose domain is not all of [0, 1] and more, no texels, one texel at the edges, more than hardware samples.
+    /// **Errors**: no texels, one texel at the edges, more than hardware samples, a range that is missing, empty, outside the
+    /// parameter's domain or beyond what the warp can take.
     pub fn check(&self) -> Result<()> {
         let name = self.parameter.name();
         if self.size == 0 {
             return Err(Error::usage(format!("size 0 of axis {name} leaves no texels"), "use at least 1, such as 64"));
-        }
-        let (low, high) = self.parameter.domain();
-        if low > 0.0 || high < 1.0 {
-            return Err(Error::usage(
-                format!("an axis runs from 0 to 1, and {name} from {low} to {high}"),
-                "use `kiln eval --points` for such a parameter",
-            ));
         }
         if self.size > LARGEST_SIZE {
             return Err(Error::usage(
@@ -117,6 +142,35 @@ impl Axis {
                 "use at least 2 texels, or sampling `centre`",
             ));
         }
+        self.check_range()
+    }
+
+    fn check_range(&self) -> Result<()> {
+        let name = self.parameter.name();
+        let Some((low, high)) = self.known_range() else {
+            return Err(Error::usage(
+                format!("axis {name} does not say where it begins and ends"),
+                format!("give it a range, such as {name}:16:1..3"),
+            ));
+        };
+        if !self.parameter.admits(low) || !self.parameter.admits(high) {
+            return Err(Error::usage(
+                format!("the range {low}..{high} of axis {name} leaves its domain {}", self.parameter.domain_text()),
+                "choose a range within it",
+            ));
+        }
+        if low >= high {
+            return Err(Error::usage(
+                format!("the range {low}..{high} of axis {name} is empty"),
+                "write the smaller end first; `:flip` turns the axis round",
+            ));
+        }
+        if let Some(needed) = self.warp.domain_fault(low, high) {
+            return Err(Error::usage(
+                format!("warp {} of axis {name} does not go from {low} to {high}", self.warp),
+                format!("give the axis {needed}, or another warp"),
+            ));
+        }
         Ok(())
     }
 }
@@ -127,18 +181,21 @@ impl fmt::Display for Axis {
             Sampling::Centre => "centre",
             Sampling::Edge => "edge",
         };
-        write!(f, "{}:{}:{}:{sampling}", self.parameter, self.size, self.warp.name())?;
+        write!(f, "{}:{}", self.parameter, self.size)?;
+        if let Some((low, high)) = self.range {
+            write!(f, ":{low}..{high}")?;
+        }
+        write!(f, ":{}:{sampling}", self.warp)?;
         if self.flip { f.write_str(":flip") } else { Ok(()) }
     }
 }
 
-/// An axis as a user writes it: `PARAMETER[:SIZE][:WARP][:centre|edge][:flip]`, the parts after the first in any order.
-/// A size of 0 stands for one that was not given.
+/// An axis as a user writes it: `PARAMETER[:SIZE][:LOW..HIGH][:WARP][:centre|edge][:flip]`, the parts after the first in any
+/// order. A size of 0 stands for one that was not given.
 impl FromStr for Axis {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let way_out = "write PARAMETER[:SIZE][:linear|sqrt|cbrt|square][:centre|edge][:flip], such as mu:64:sqrt:edge";
         let mut parts = text.split(':').map(str::trim);
         let name = parts.next().unwrap_or_default();
         let parameter = Parameter::from_name(name).ok_or_else(|| {
@@ -152,18 +209,44 @@ impl FromStr for Axis {
         for part in parts {
             if let Ok(size) = part.parse() {
                 axis.size = size;
-            } else if let Some(warp) = Warp::ALL.into_iter().find(|w| w.name() == part) {
+            } else if let Ok(warp) = part.parse() {
                 axis.warp = warp;
+            } else if let Some(range) =
+                part.split_once("..").and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)))
+            {
+                axis.range = Some(range);
             } else {
                 match part {
                     "centre" | "center" => axis.sampling = Sampling::Centre,
                     "edge" => axis.sampling = Sampling::Edge,
                     "flip" => axis.flip = true,
-                    _ => return Err(Error::usage(format!("axis {text:?} has an unknown part {part:?}"), way_out)),
+                    _ => {
+                        return Err(Error::usage(
+                            format!("axis {text:?} has an unknown part {part:?}"),
+                            format!(
+                                "write PARAMETER[:SIZE][:LOW..HIGH][:{}][:centre|edge][:flip], such as mu:64:sqrt:edge",
+                                Warp::SYNTAX
+                            ),
+                        ));
+                    }
                 }
             }
         }
         Ok(axis)
+    }
+}
+
+impl TryFrom<String> for Axis {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
+}
+
+impl From<Axis> for String {
+    fn from(axis: Axis) -> Self {
+        axis.to_string()
     }
 }
 
@@ -172,9 +255,18 @@ mod tests {
     use super::*;
 
     fn every_axis() -> impl Iterator<Item = Axis> {
-        Warp::ALL.into_iter().flat_map(|warp| {
+        let warps =
+            Warp::ALL.into_iter().filter(|w| *w != Warp::Log { offset: 0.0 }).chain([Warp::Log { offset: 0.01 }]);
+        warps.flat_map(|warp| {
             [Sampling::Centre, Sampling::Edge].into_iter().flat_map(move |sampling| {
-                [false, true].map(|flip| Axis { parameter: Parameter::Mu, size: 16, warp, sampling, flip })
+                [false, true].map(|flip| {
+                    let axis = Axis { sampling, warp, flip, ..Axis::new(Parameter::Mu, 16) };
+                    if warp == Warp::F0FourthRoot {
+                        Axis { parameter: Parameter::Eta, range: Some((1.0, 4.0)), ..axis }
+                    } else {
+                        axis
+                    }
+                })
             })
         })
     }
@@ -182,19 +274,21 @@ mod tests {
     #[test]
     fn position_undoes_value_for_every_warp_sampling_and_flip() {
         for axis in every_axis() {
+            axis.check().expect("an axis");
             for i in 0..axis.size {
                 let got = axis.position(axis.value(i));
-                assert!((got - i as f64).abs() < 1e-13, "{axis} texel {i}: got {got}");
-                assert_eq!(axis.value_at_position(i as f64), axis.value(i), "{axis} texel {i}");
+                assert!((got - i as f64).abs() < 1e-12, "{axis} texel {i}: got {got}");
             }
         }
     }
 
     #[test]
-    fn edges_hold_the_ends_of_the_domain_and_centres_do_not() {
+    fn edges_hold_the_ends_of_the_range_and_centres_do_not() {
         for axis in every_axis() {
             let ends = (axis.value(0), axis.value(axis.size - 1));
-            let wanted = if axis.flip { (1.0, 0.0) } else { (0.0, 1.0) };
+            let (low, high) = axis.ends();
+            let falls = matches!(axis.warp, Warp::Acos | Warp::SqrtOneMinus);
+            let wanted = if axis.flip != falls { (high, low) } else { (low, high) };
             assert_eq!(ends == wanted, axis.sampling == Sampling::Edge, "{axis}: ends {ends:?}");
         }
     }
@@ -203,8 +297,42 @@ mod tests {
     fn an_axis_prints_as_it_is_parsed() {
         for axis in every_axis() {
             assert_eq!(axis.to_string().parse::<Axis>().expect("own output"), axis);
+            assert_eq!(axis.brief().parse::<Axis>().expect("own output"), axis);
         }
-        assert!("mu:64:sqr".parse::<Axis>().is_err());
-        assert!("nu:64".parse::<Axis>().is_err());
+        let ranged = "eta:16:1.1..2.5:log:edge".parse::<Axis>().expect("a range");
+        assert_eq!((ranged.range, ranged.to_string()), (Some((1.1, 2.5)), "eta:16:1.1..2.5:log:edge".to_owned()));
+        for bad in ["mu:64:sqr", "nu:64", "mu:1..", "mu:64:a..b"] {
+            assert!(bad.parse::<Axis>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn an_index_of_refraction_runs_to_infinity_by_the_fourth_root_of_f0() {
+        let outside: Axis = "eta:16:f0-fourth-root:edge".parse().expect("an axis");
+        outside.check().expect("a range of its own");
+        assert_eq!((outside.value(0), outside.value(15)), (1.0, f64::INFINITY));
+        let eta = outside.value(8);
+        let f0 = ((eta - 1.0) / (eta + 1.0)).powi(2);
+        assert!((f0 - (8.0_f64 / 15.0).powi(4)).abs() < 1e-15, "F0 {f0}");
+        let inside: Axis = "eta:16:0..1:f0-fourth-root:edge".parse().expect("an axis");
+        assert_eq!((inside.value(0), inside.value(15)), (1.0, 0.0), "Cycles' table of the inverse index");
+        assert!((inside.value(8) * eta - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn ranges_that_make_no_sense_are_refused_with_the_way_out() {
+        for (text, says) in [
+            ("eta:16", "give it a range"),
+            ("mu:16:0..2", "leaves its domain [0, 1]"),
+            ("mu:16:0.5..0.5", "is empty"),
+            ("mu:16:1..0", "`:flip`"),
+            ("mu:16:log", "log+0.01"),
+            ("eta:16:0.5..2:f0-fourth-root", "one side of 1"),
+            ("eta:16:1..inf", "a range that ends"),
+            ("eta:16:1..2:acos", "within 0..1"),
+        ] {
+            let message = text.parse::<Axis>().expect(text).check().expect_err(text).to_string();
+            assert!(message.contains(says), "{text}: {message}");
+        }
     }
 }

@@ -10,12 +10,14 @@ use rayon::prelude::*;
 pub type Progress<'a> = &'a (dyn Fn(u64) + Sync);
 
 /// What a table holds and over which axes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct TableSpec {
     /// The quantities, one per channel.
     pub channels: Vec<Handle>,
-    /// The axes, the fastest (x) first.
+    /// The axes, one to three, the fastest (x) first.
     pub axes: Vec<Axis>,
+    /// The parameters that no axis varies.
+    pub at: Point,
     /// The choices within the model.
     pub model: Model,
 }
@@ -29,10 +31,12 @@ pub struct Table {
     pub values: Vec<f64>,
     /// Their errors, in the same order.
     pub errors: Vec<f64>,
-    /// What the errors are.
-    pub kind: ErrorKind,
+    /// What the errors of each channel are.
+    pub kinds: Vec<ErrorKind>,
 }
 
+/// Axes of a table at most: what a texture has.
+const MOST_AXES: usize = 3;
 /// Texels of a table at most: 1 GiB of values.
 const MOST_TEXELS: usize = 1 << 26;
 
@@ -57,9 +61,14 @@ impl TableSpec {
         self.axes.get(1).map_or(1, |a| a.size)
     }
 
+    /// Texels along z; 1 for a table over fewer than three axes.
+    pub fn depth(&self) -> usize {
+        self.axes.get(2).map_or(1, |a| a.size)
+    }
+
     /// The parameters that texel `index` (x fastest) stands for.
     pub fn point(&self, index: usize) -> Point {
-        let (mut rest, mut point) = (index, Point::default());
+        let (mut rest, mut point) = (index, self.at);
         for axis in &self.axes {
             point.set(axis.parameter, axis.value(rest % axis.size));
             rest /= axis.size;
@@ -69,15 +78,15 @@ impl TableSpec {
 
     /// Whether the table can be baked.
     ///
-    /// **Errors**: no channel, an axis missing, superfluous or repeated, an impossible size.
+    /// **Errors**: no channel, a parameter missing, superfluous or given twice, an impossible axis.
     pub fn check(&self) -> Result<()> {
         if self.channels.is_empty() {
             return Err(Error::usage("a table without channels holds nothing", "name at least one, such as ggx.scale"));
         }
-        if self.axes.is_empty() || self.axes.len() > 2 {
+        if self.axes.is_empty() || self.axes.len() > MOST_AXES {
             return Err(Error::usage(
-                format!("{} axes are not 1 or 2", self.axes.len()),
-                "give one axis per parameter, such as mu:64,roughness:64",
+                format!("{} axes are not 1 to {MOST_AXES}", self.axes.len()),
+                "give an axis per parameter, such as mu:64,roughness:64, and the others a value, such as --eta 1.5",
             ));
         }
         for axis in &self.axes {
@@ -87,26 +96,44 @@ impl TableSpec {
         if texels > MOST_TEXELS {
             return Err(Error::usage(
                 format!("a table of {texels} texels is more than {MOST_TEXELS}"),
-                format!("use smaller axes; {LARGEST_SIZE} is the most along one, 8192x8192 over two"),
+                format!(
+                    "use smaller axes; {LARGEST_SIZE} is the most along one, 8192x8192 over two, 406x406x406 over three"
+                ),
             ));
         }
-        if let [a, b] = self.axes[..]
-            && a.parameter.canonical() == b.parameter.canonical()
-        {
-            return Err(Error::usage(
-                format!("both axes, {} and {}, vary the same parameter", a.parameter, b.parameter),
-                "let each axis vary one of its own, such as mu,roughness",
-            ));
+        for (i, axis) in self.axes.iter().enumerate() {
+            let same = |other: &&Axis| other.parameter.canonical() == axis.parameter.canonical();
+            if let Some(other) = self.axes[..i].iter().find(same) {
+                return Err(Error::usage(
+                    format!("two axes, {} and {}, vary the same parameter", other.parameter, axis.parameter),
+                    "let each axis vary one of its own, such as mu,roughness",
+                ));
+            }
+            if self.at.get(axis.parameter).is_ok() {
+                return Err(Error::usage(
+                    format!("{} is given a value, and an axis varies it", axis.parameter),
+                    "leave one of them out",
+                ));
+            }
         }
         for channel in &self.channels {
             for needed in channel.quantity.parameters {
-                if self.axis(*needed).is_none() {
+                if self.axis(*needed).is_none() && self.at.get(*needed).is_err() {
+                    let axis =
+                        if needed.range().is_some() { format!("{needed}:64") } else { format!("{needed}:16:1..3") };
                     return Err(Error::usage(
                         format!("{} depends on {needed}, which no axis varies", channel.quantity.name),
-                        format!("add an axis for it, such as {needed}:64"),
+                        format!("add an axis for it, such as {axis}, or give it a value"),
                     ));
                 }
             }
+        }
+        let superfluous = |p: &Parameter| !self.channels.iter().any(|c| c.quantity.depends_on(*p));
+        if let Some(parameter) = self.at.given().map(|(p, _)| p).find(superfluous) {
+            return Err(Error::usage(
+                format!("no channel depends on {parameter}, which is given a value"),
+                format!("leave {parameter} out, or add a channel that depends on it"),
+            ));
         }
         for axis in &self.axes {
             if !self.channels.iter().any(|c| c.quantity.depends_on(axis.parameter)) {
@@ -121,8 +148,13 @@ impl TableSpec {
 
     /// What computes all channels at a point, each family of quantities once.
     pub fn evaluator(&self) -> Evaluator {
+        self.evaluator_of(|_| true)
+    }
+
+    /// The same for the channels that are `wanted`; the others stay NaN.
+    pub fn evaluator_of(&self, wanted: impl Fn(&Handle) -> bool) -> Evaluator {
         let mut parts: Vec<Part> = vec![];
-        for (channel, handle) in self.channels.iter().enumerate() {
+        for (channel, handle) in self.channels.iter().enumerate().filter(|(_, h)| wanted(h)) {
             let fill = Fill { index: handle.index, channel };
             match parts.iter_mut().find(|part| part.handle.same_family(handle)) {
                 Some(part) => part.fills.push(fill),
@@ -156,8 +188,12 @@ impl TableSpec {
                 Ok::<(), Error>(())
             },
         )?;
-        let kind = if integration.is_monte_carlo() { ErrorKind::Sigma } else { ErrorKind::Bound };
-        Ok(Table { spec: self.clone(), values, errors, kind })
+        Ok(Table { spec: self.clone(), values, errors, kinds: self.error_kinds(integration) })
+    }
+
+    /// What the errors of each channel are.
+    pub fn error_kinds(&self, integration: &Integration) -> Vec<ErrorKind> {
+        self.channels.iter().map(|c| c.error_kind(integration)).collect()
     }
 
     /// The axis that varies `parameter`, or the parameter that it stands for.

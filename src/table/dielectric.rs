@@ -54,6 +54,23 @@ fn interface(alpha: f64, eta: f64, model: &Model) -> Result<Dielectric> {
     }
 }
 
+/// At these indices of refraction the interface is a mirror, and its facets reflect what GGX's do.
+fn is_mirror(eta: f64) -> bool {
+    eta == 0.0 || eta == f64::INFINITY
+}
+
+/// All is reflected.
+fn mirror(albedo: Estimate) -> Vec<Estimate> {
+    vec![albedo, Estimate::bound(0.0, 0.0), albedo]
+}
+
+/// Where nothing refracts but the grazing ray goes straight on, its masking has a limit: Λo = Λt grow without bound together,
+/// and of G2/G1 = (1 + Λo)/(1 + Λo + Λt) there remains a half; of the other forms, nothing.
+fn grazing_through_nothing(smith: Smith) -> [f64; 3] {
+    let through = if smith == Smith::Correlated { 0.5 } else { 0.0 };
+    [0.0, through, through]
+}
+
 fn smooth(mu: f64, eta: f64) -> [f64; 3] {
     let f = reflectance(mu, eta);
     [f, 1.0 - f, 1.0]
@@ -77,6 +94,12 @@ impl Family for Directional {
         if alpha == 0.0 {
             return Ok(smooth(mu, eta).map(|v| Estimate::bound(v, 4.0 * f64::EPSILON)).into());
         }
+        if is_mirror(eta) {
+            return Ok(mirror(quadrature::ggx_albedo(mu, alpha, interface.facets.smith, tolerance)));
+        }
+        if mu == 0.0 && eta == 1.0 {
+            return Ok(grazing_through_nothing(model.smith).map(|v| Estimate::bound(v, 0.0)).into());
+        }
         Ok(quadrature::dielectric_scattering(mu, &interface, tolerance).into())
     }
 
@@ -85,6 +108,9 @@ impl Family for Directional {
         let interface = interface(alpha, eta, model)?;
         if alpha == 0.0 {
             return Ok(smooth(mu, eta).map(|v| Estimate::sigma(v, 4.0 * f64::EPSILON)).into());
+        }
+        if mu == 0.0 && eta == 1.0 {
+            return Ok(grazing_through_nothing(model.smith).map(|v| Estimate::sigma(v, 0.0)).into());
         }
         let wo = direction_with_cosine(mu);
         let (estimates, _) = integration.points2.integrate(integration.stop(), |[u, t]| {
@@ -154,6 +180,9 @@ impl Family for Average {
         let interface = interface(alpha, eta, model)?;
         if alpha == 0.0 {
             return Ok(smooth_average(eta).map(|v| Estimate::bound(v, SMOOTH_ERROR)).into());
+        }
+        if is_mirror(eta) {
+            return Ok(mirror(quadrature::ggx_albedo_average(alpha, interface.facets.smith, tolerance)));
         }
         Ok(quadrature::dielectric_scattering_average(&interface, tolerance).into())
     }

@@ -1,7 +1,7 @@
 //! What a shader sees: the error of a table through bilinear filtering.
 
 use super::bake::TableSpec;
-use super::quantity::Point;
+use super::quantity::{Handle, Point};
 use crate::error::{Error, Result};
 use crate::integrate::{Integration, Settings};
 use rayon::prelude::*;
@@ -16,25 +16,30 @@ pub struct LookupError {
     pub max: f64,
     /// Root mean square over the grid.
     pub rms: f64,
-    /// The parameters at the largest, axis by axis.
-    pub worst_at: Vec<f64>,
+    /// The parameters at the largest.
+    pub worst_at: Point,
 }
 
-/// Cells per axis that are looked into at most; larger tables are looked into at evenly spread cells.
-const MOST_CELLS: usize = 64;
+/// Cells per axis that are looked into at most; larger tables are looked into at evenly spread cells. A volume gets fewer, so
+/// that looking takes no longer than baking.
+const MOST_CELLS: [usize; 3] = [64, 64, 16];
 /// Positions in the outermost cells, in parts of a cell: that is where linear interpolation fails.
 const OUTER: [f64; 5] = [0.08, 0.25, 0.5, 0.75, 0.92];
+/// Error of the truth that the lookup is compared with: lookups are off by 1e-4 and more.
+const TRUTH: f64 = 1e-6;
+/// Samples of the truth where only Monte Carlo knows it: enough for 1e-3 or better.
+const TRUTH_SAMPLES: u64 = 4096;
 
 /// Positions along an axis of `size` texels: the middle of the cells, more in the outermost cells at both ends.
-fn positions(size: usize, first: f64, last: f64) -> Vec<f64> {
+fn positions(size: usize, first: f64, last: f64, n_axes: usize) -> Vec<f64> {
     let mut positions = vec![first, last];
     let cells = size.saturating_sub(1);
-    let step = cells.div_ceil(MOST_CELLS).max(1);
+    let step = cells.div_ceil(MOST_CELLS[n_axes - 1]).max(1);
     for cell in 0..cells {
         let outer = cell < 2 || cell + 2 >= cells;
-        if outer {
+        if outer && n_axes < 3 {
             positions.extend(OUTER.map(|f| cell as f64 + f));
-        } else if cell % step == 0 {
+        } else if outer || cell % step == 0 {
             positions.push(cell as f64 + 0.5);
         }
     }
@@ -46,37 +51,52 @@ fn positions(size: usize, first: f64, last: f64) -> Vec<f64> {
 ///
 /// **Errors**: those of the deterministic integrator, which is the truth here.
 pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError>> {
-    let truth = Integration::new(Settings::default())?;
+    let by_tolerance = Integration::new(Settings { tolerance: Some(TRUTH), ..Settings::default() })?;
+    let by_samples = Integration::new(Settings { samples: Some(TRUTH_SAMPLES), ..Settings::default() })?;
+    let (smooth, rough) =
+        (spec.evaluator_of(|h| h.family.has_quadrature()), spec.evaluator_of(|h| !h.family.has_quadrature()));
+    let truth = |at: &Point| -> Result<Vec<f64>> {
+        let (smooth, rough) = (smooth.at(at, &by_tolerance)?, rough.at(at, &by_samples)?);
+        let chosen = |(c, handle): (usize, &Handle)| {
+            if handle.family.has_quadrature() { smooth[c].value } else { rough[c].value }
+        };
+        Ok(spec.channels.iter().enumerate().map(chosen).collect())
+    };
     let per_axis: Vec<Vec<f64>> = spec
         .axes
         .iter()
         .map(|a| {
-            // The ends of the domain: half a texel outside the outermost centres, or the outermost texels themselves.
-            let (low, high) = a.parameter.domain();
+            // The ends of the range: half a texel outside the outermost centres, or the outermost texels themselves.
+            let (low, high) = a.ends();
             let (p, q) = (a.position(low), a.position(high));
-            positions(a.size, p.min(q), p.max(q))
+            positions(a.size, p.min(q), p.max(q), spec.axes.len())
         })
         .collect();
-    let one = vec![0.0];
-    let ys = per_axis.get(1).unwrap_or(&one);
-    let (channels, evaluator) = (spec.channels.len(), spec.evaluator());
-    let rows: Vec<Vec<(Vec<f64>, Vec<f64>)>> = ys
-        .par_iter()
-        .map(|&y| {
+    let channels = spec.channels.len();
+    let n_rows = per_axis[1..].iter().map(Vec::len).product();
+    let rows: Vec<Vec<(Vec<f64>, Point)>> = (0..n_rows)
+        .into_par_iter()
+        .map(|row| {
             per_axis[0]
                 .iter()
                 .map(|&x| {
-                    let mut at = Point::default();
-                    let place: Vec<f64> =
-                        spec.axes.iter().zip([x, y]).map(|(axis, p)| axis.value_at_position(p)).collect();
-                    for (axis, value) in spec.axes.iter().zip(&place) {
-                        at.set(axis.parameter, *value);
+                    let (mut rest, mut position) = (row, vec![x]);
+                    for axis in &per_axis[1..] {
+                        position.push(axis[rest % axis.len()]);
+                        rest /= axis.len();
                     }
-                    let seen = bilinear(texels, spec.width(), spec.height(), channels, x, y);
-                    match evaluator.at(&at, &truth) {
-                        Ok(exact) => {
-                            Ok(Some((exact.iter().zip(seen).map(|(e, seen)| seen - e.value).collect(), place)))
-                        }
+                    let mut at = spec.at;
+                    for (axis, &p) in spec.axes.iter().zip(&position) {
+                        at.set(axis.parameter, axis.value_at_position(p));
+                    }
+                    let seen =
+                        linear(texels, &spec.axes.iter().map(|a| a.size).collect::<Vec<_>>(), channels, &position);
+                    match truth(&at) {
+                        Ok(exact) if exact.iter().any(|e| !e.is_finite()) => Err(Error::unsupported(
+                            format!("the truth at {at} is not a finite number"),
+                            "report this as a bug, with the recipe",
+                        )),
+                        Ok(exact) => Ok(Some((exact.iter().zip(seen).map(|(e, seen)| seen - e).collect(), at))),
                         // A place where the quantity diverges has no error.
                         Err(Error::Unsupported(_)) => Ok(None),
                         Err(other) => Err(other),
@@ -88,12 +108,12 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
         .collect::<Result<_>>()?;
     Ok((0..channels)
         .map(|c| {
-            let (mut max, mut squares, mut n, mut worst_at) = (0.0_f64, 0.0, 0.0, vec![]);
+            let (mut max, mut squares, mut n, mut worst_at) = (0.0_f64, 0.0, 0.0, Point::default());
             for (errors, place) in rows.iter().flatten() {
                 squares += errors[c] * errors[c];
                 n += 1.0;
                 if errors[c].abs() > max || worst_at.is_empty() {
-                    (max, worst_at) = (errors[c].abs(), place.clone());
+                    (max, worst_at) = (errors[c].abs(), *place);
                 }
             }
             let channel = spec.channels[c].quantity.name.to_owned();
@@ -102,20 +122,44 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
         .collect())
 }
 
-/// Bilinear interpolation at a position in texels, coordinates clamped to the outermost texels as samplers do.
-fn bilinear(texels: &[f32], width: usize, height: usize, channels: usize, x: f64, y: f64) -> Vec<f64> {
-    let split = |p: f64, n: usize| {
-        let p = p.clamp(0.0, (n - 1) as f64);
-        let low = (p.floor() as usize).min(n.saturating_sub(2));
-        (low, (low + 1).min(n - 1), p - low as f64)
-    };
-    let ((x0, x1, fx), (y0, y1, fy)) = (split(x, width), split(y, height));
-    let at = |x: usize, y: usize, c: usize| f64::from(texels[(y * width + x) * channels + c]);
-    (0..channels)
-        .map(|c| {
-            let low = at(x0, y0, c) * (1.0 - fx) + at(x1, y0, c) * fx;
-            let high = at(x0, y1, c) * (1.0 - fx) + at(x1, y1, c) * fx;
-            low * (1.0 - fy) + high * fy
-        })
-        .collect()
+/// Linear interpolation along every axis at a position in texels, coordinates clamped to the outermost texels as samplers do.
+fn linear(texels: &[f32], sizes: &[usize], channels: usize, position: &[f64]) -> Vec<f64> {
+    let mut seen = vec![0.0; channels];
+    // Every corner of the cell: bit a of `corner` chooses the nearer or the farther texel along axis a.
+    for corner in 0..1_usize << sizes.len() {
+        let (mut index, mut stride, mut weight) = (0, 1, 1.0);
+        for (axis, (&size, &p)) in sizes.iter().zip(position).enumerate() {
+            let p = p.clamp(0.0, (size - 1) as f64);
+            let low = (p.floor() as usize).min(size.saturating_sub(2));
+            let fraction = p - low as f64;
+            let far = corner >> axis & 1;
+            weight *= if far == 1 { fraction } else { 1.0 - fraction };
+            index += (low + far).min(size - 1) * stride;
+            stride *= size;
+        }
+        // A texel without weight must not turn an infinite or missing neighbour into NaN.
+        if weight > 0.0 {
+            for (c, seen) in seen.iter_mut().enumerate() {
+                *seen += weight * f64::from(texels[index * channels + c]);
+            }
+        }
+    }
+    seen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interpolation_is_exact_for_what_is_linear_in_every_axis() {
+        let sizes = [3, 4, 5];
+        let f = |x: f64, y: f64, z: f64| 1.0 + 2.0 * x - 3.0 * y + 0.5 * z + x * y * z;
+        let texels: Vec<f32> = (0..60).map(|i| f((i % 3) as f64, (i / 3 % 4) as f64, (i / 12) as f64) as f32).collect();
+        for [x, y, z] in [[0.0, 0.0, 0.0], [0.5, 1.25, 3.75], [1.9, 2.1, 0.3], [2.0, 3.0, 4.0]] {
+            let got = linear(&texels, &sizes, 1, &[x, y, z])[0];
+            assert!((got - f(x, y, z)).abs() < 1e-12, "({x}, {y}, {z}): {got}");
+        }
+        assert_eq!(linear(&texels, &sizes, 1, &[-1.0, 5.0, 9.0])[0], f(0.0, 3.0, 4.0), "clamped");
+    }
 }

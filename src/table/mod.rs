@@ -1,9 +1,11 @@
 //! Tables: quantities × axes, integrated texel by texel.
 //!
-//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`TableSpec::bake`] integrates, and [`named`]
-//! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`beckmann`], [`charlie`], [`dielectric`],
+//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`layout`] where it lies in a file, [`TableSpec::bake`] integrates, [`rounding`]
+//! makes sure of the packed value, and [`named`]
+//! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`anisotropic`], [`beckmann`], [`charlie`], [`dielectric`],
 //! [`conductor`], [`diffuse`], [`fresnel`], [`lambert`], [`layered`], [`compensation`]; [`specular`] holds what two of them share.
 
+pub mod anisotropic;
 pub mod axis;
 mod bake;
 pub mod beckmann;
@@ -16,11 +18,14 @@ pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
 pub mod layered;
+pub mod layout;
 pub mod lookup;
 pub mod named;
 pub mod quantity;
+pub mod rounding;
 pub mod specular;
 
 pub use axis::{Axis, Sampling};
 pub use bake::{Evaluator, Progress, Table, TableSpec};
+pub use layout::{Arrangement, Layout};
 pub use quantity::{Family, Model, Parameter, Point, Quantity};

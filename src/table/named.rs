@@ -1,7 +1,7 @@
 //! The tables that have a name: data only.
 
 use super::axis::Axis;
-use super::quantity::{Parameter, near_matches};
+use super::quantity::{Point, near_matches};
 use crate::error::{Error, Result};
 
 /// A table that a user can ask for by name.
@@ -13,8 +13,10 @@ pub struct NamedTable {
     pub summary: &'static str,
     /// Quantities, one per channel.
     pub channels: &'static [&'static str],
-    /// Parameters and sizes of the axes, the fastest first.
-    pub axes: &'static [(Parameter, usize)],
+    /// The axes as a user writes them, the fastest first.
+    pub axes: &'static [&'static str],
+    /// Values of the other parameters, as a user writes them.
+    pub at: &'static [&'static str],
 }
 
 /// Every named table.
@@ -23,62 +25,143 @@ pub static TABLES: &[NamedTable] = &[
         name: "dfg",
         summary: "split-sum environment BRDF: reflectance is F0·scale + bias",
         channels: &["ggx.scale", "ggx.bias"],
-        axes: &[(Parameter::Mu, 128), (Parameter::Roughness, 128)],
+        axes: &["mu:128", "roughness:128"],
+        at: &[],
     },
     NamedTable {
         name: "ggx-albedo",
         summary: "directional albedo E of GGX, for multiple-scattering compensation (Kulla–Conty, Turquin)",
         channels: &["ggx.albedo"],
-        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+        axes: &["mu:64", "roughness:64"],
+        at: &[],
     },
     NamedTable {
         name: "ggx-albedo-avg",
         summary: "average albedo E_avg of GGX, the other table of Kulla–Conty compensation",
         channels: &["ggx.albedo_avg"],
-        axes: &[(Parameter::Roughness, 64)],
+        axes: &["roughness:64"],
+        at: &[],
     },
     NamedTable {
         name: "ggx-f82",
         summary: "scale, bias and the F82 tint's weight: everything that a coloured metal's reflectance needs",
         channels: &["ggx.scale", "ggx.bias", "ggx.f82"],
-        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+        axes: &["mu:64", "roughness:64"],
+        at: &[],
     },
     NamedTable {
         name: "beckmann-dfg",
         summary: "split-sum environment BRDF of Beckmann's lobe",
         channels: &["beckmann.scale", "beckmann.bias"],
-        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+        axes: &["mu:64", "roughness:64"],
+        at: &[],
     },
     NamedTable {
         name: "charlie-albedo",
         summary: "directional albedo of the sheen, by which the layer below it is dimmed",
         channels: &["charlie.albedo"],
-        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+        axes: &["mu:64", "roughness:64"],
+        at: &[],
+    },
+    NamedTable {
+        name: "dielectric",
+        summary: "what glass reflects and lets through, entered from outside; Cycles' axis for the index, F0 = z⁴",
+        channels: &["dielectric.reflectance", "dielectric.transmittance"],
+        axes: &["mu:16", "roughness:16", "eta:16:f0-fourth-root"],
+        at: &[],
+    },
+    NamedTable {
+        name: "dielectric-inside",
+        summary: "the same from inside: eta is 1 over the index",
+        channels: &["dielectric.reflectance", "dielectric.transmittance"],
+        axes: &["mu:16", "roughness:16", "eta:16:0..1:f0-fourth-root"],
+        at: &[],
+    },
+    NamedTable {
+        name: "dielectric-avg",
+        summary: "average albedo of glass over alpha and its index, for the compensation of a rough interface",
+        channels: &["dielectric.reflectance_avg", "dielectric.transmittance_avg"],
+        axes: &["roughness:16", "eta:16:f0-fourth-root"],
+        at: &[],
+    },
+    NamedTable {
+        name: "fresnel-dielectric",
+        summary: "exact reflectance of an interface between dielectrics over the angle and the index",
+        channels: &["fresnel.dielectric"],
+        axes: &["mu:64", "eta:64:1..3"],
+        at: &[],
+    },
+    NamedTable {
+        name: "beckmann-albedo-avg",
+        summary: "average albedo of Beckmann's lobe",
+        channels: &["beckmann.albedo_avg"],
+        axes: &["roughness:64"],
+        at: &[],
+    },
+    NamedTable {
+        name: "charlie-albedo-avg",
+        summary: "average albedo of the sheen",
+        channels: &["charlie.albedo_avg"],
+        axes: &["roughness:64"],
+        at: &[],
+    },
+    NamedTable {
+        name: "oren-nayar-albedo",
+        summary: "directional albedo of Oren and Nayar's qualitative diffuse lobe",
+        channels: &["oren-nayar.albedo"],
+        axes: &["mu:64", "sigma:64"],
+        at: &[],
+    },
+    NamedTable {
+        name: "eon-albedo",
+        summary: "directional albedo of EON over the angle, the roughness and the colour",
+        channels: &["eon.albedo"],
+        axes: &["mu:16", "roughness:16", "rho:16"],
+        at: &[],
+    },
+    NamedTable {
+        name: "conductor-albedo",
+        summary: "directional albedo of gold in green light (n 0.42, k 2.35) by the exact Fresnel equations; --n and --k for others",
+        channels: &["conductor.albedo"],
+        axes: &["mu:64", "roughness:64"],
+        at: &["n=0.42", "k=2.35"],
     },
     NamedTable {
         name: "fresnel-schlick",
         summary: "Schlick's reflectance over the angle and F0",
         channels: &["fresnel.schlick"],
-        axes: &[(Parameter::Mu, 64), (Parameter::F0, 64)],
+        axes: &["mu:64", "f0:64"],
+        at: &[],
     },
     NamedTable {
         name: "burley-albedo",
         summary: "directional albedo of Disney's diffuse lobe, and of Frostbite's renormalised one",
         channels: &["burley.albedo", "burley-renormalized.albedo"],
-        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+        axes: &["mu:64", "roughness:64"],
+        at: &[],
     },
     NamedTable {
         name: "fujii-albedo",
         summary: "directional albedo E of Fujii's lobe, from which EON's compensation follows for any colour",
         channels: &["fujii.albedo"],
-        axes: &[(Parameter::Mu, 64), (Parameter::Roughness, 64)],
+        axes: &["mu:64", "roughness:64"],
+        at: &[],
     },
 ];
 
 impl NamedTable {
-    /// The axes that the table has unless told otherwise: texel centres, even in the parameter.
-    pub fn default_axes(&self) -> Vec<Axis> {
-        self.axes.iter().map(|&(parameter, size)| Axis::new(parameter, size)).collect()
+    /// The axes that the table has unless told otherwise.
+    ///
+    /// **Errors**: none, as a test parses every one.
+    pub fn default_axes(&self) -> Result<Vec<Axis>> {
+        self.axes.iter().map(|axis| axis.parse()).collect()
+    }
+
+    /// The values that the other parameters have unless told otherwise.
+    ///
+    /// **Errors**: none, as a test parses every one.
+    pub fn default_point(&self) -> Result<Point> {
+        self.at.iter().map(|&text| text.to_owned()).collect::<Vec<String>>().try_into()
     }
 }
 

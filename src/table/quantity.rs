@@ -1,7 +1,7 @@
 //! Quantities: functions of physical parameters, with what is known of each.
 
 use crate::error::{Error, Result};
-use crate::integrate::{Estimate, Integration};
+use crate::integrate::{ErrorKind, Estimate, Integration, Integrator};
 use crate::model::alpha_of_roughness;
 use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
@@ -33,6 +33,12 @@ pub enum Parameter {
     Sigma,
     /// Albedo of a diffuse surface.
     Rho,
+    /// Azimuth of the outgoing direction.
+    Phi,
+    /// Width of an anisotropic distribution along the tangent.
+    AlphaX,
+    /// Width of an anisotropic distribution along the bitangent.
+    AlphaY,
 }
 
 /// What is known of a parameter: one row each.
@@ -42,64 +48,124 @@ struct Facts {
     summary: &'static str,
     /// Values that make sense, both ends included.
     domain: (f64, f64),
+    /// Values outside the domain at which quantities have a limit.
+    limits: &'static [f64],
+    /// What an axis covers unless it says otherwise.
+    range: Option<(f64, f64)>,
 }
+
+const UNIT: (f64, f64) = (0.0, 1.0);
 
 const FACTS: [Facts; Parameter::ALL.len()] = [
     Facts {
         parameter: Parameter::Mu,
         name: "mu",
         summary: "cosine of the outgoing direction to the normal",
-        domain: (0.0, 1.0),
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
     },
     Facts {
         parameter: Parameter::Alpha,
         name: "alpha",
         summary: "width of the microfacet distribution",
-        domain: (0.0, 1.0),
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
     },
     Facts {
         parameter: Parameter::Roughness,
         name: "roughness",
         summary: "the artist's value; alpha = roughness²",
-        domain: (0.0, 1.0),
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
     },
-    Facts { parameter: Parameter::F0, name: "f0", summary: "reflectance at normal incidence", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::F0,
+        name: "f0",
+        summary: "reflectance at normal incidence",
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
+    },
     Facts {
         parameter: Parameter::F82,
         name: "f82",
         summary: "what remains of Schlick's reflectance at 82°; 1 is no tint",
-        domain: (0.0, 1.0),
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
     },
     Facts {
         parameter: Parameter::Eta,
         name: "eta",
         summary: "relative index of refraction n_t/n_i: below 1 from the denser side",
-        domain: (0.1, 10.0),
+        domain: (1e-5, 1e5),
+        limits: &[0.0, f64::INFINITY],
+        range: None,
     },
     Facts {
         parameter: Parameter::N,
         name: "n",
         summary: "real part of a conductor's relative index of refraction",
         domain: (0.01, 20.0),
+        limits: &[],
+        range: None,
     },
     Facts {
         parameter: Parameter::K,
         name: "k",
         summary: "imaginary part of a conductor's relative index of refraction",
         domain: (0.0, 30.0),
+        limits: &[],
+        range: None,
     },
     Facts {
         parameter: Parameter::Sigma,
         name: "sigma",
         summary: "standard deviation of the slope angle of a rough diffuse surface, in radians",
         domain: (0.0, std::f64::consts::FRAC_PI_2),
+        limits: &[],
+        range: Some((0.0, std::f64::consts::FRAC_PI_2)),
     },
-    Facts { parameter: Parameter::Rho, name: "rho", summary: "albedo of a diffuse surface", domain: (0.0, 1.0) },
+    Facts {
+        parameter: Parameter::Rho,
+        name: "rho",
+        summary: "albedo of a diffuse surface",
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
+    },
+    Facts {
+        parameter: Parameter::Phi,
+        name: "phi",
+        summary: "azimuth of the outgoing direction from the tangent, in radians; beyond π/2 a lobe repeats itself",
+        domain: (0.0, std::f64::consts::TAU),
+        limits: &[],
+        range: Some((0.0, std::f64::consts::FRAC_PI_2)),
+    },
+    Facts {
+        parameter: Parameter::AlphaX,
+        name: "alpha_x",
+        summary: "width of an anisotropic microfacet distribution along the tangent",
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
+    },
+    Facts {
+        parameter: Parameter::AlphaY,
+        name: "alpha_y",
+        summary: "width of an anisotropic microfacet distribution along the bitangent",
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
+    },
 ];
 
 impl Parameter {
     /// Every parameter.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 13] = [
         Self::Mu,
         Self::Alpha,
         Self::Roughness,
@@ -110,6 +176,9 @@ impl Parameter {
         Self::K,
         Self::Sigma,
         Self::Rho,
+        Self::Phi,
+        Self::AlphaX,
+        Self::AlphaY,
     ];
 
     fn facts(self) -> &'static Facts {
@@ -138,6 +207,28 @@ impl Parameter {
         self.facts().domain
     }
 
+    /// Whether quantities have a value, or a limit, there.
+    pub fn admits(self, value: f64) -> bool {
+        let Facts { domain: (low, high), limits, .. } = self.facts();
+        (*low..=*high).contains(&value) || limits.contains(&value)
+    }
+
+    /// The domain in words: `[0, 1]`, and the limits outside it.
+    pub fn domain_text(self) -> String {
+        let Facts { domain: (low, high), limits, .. } = self.facts();
+        let limits: Vec<String> = limits.iter().map(f64::to_string).collect();
+        if limits.is_empty() {
+            format!("[{low}, {high}]")
+        } else {
+            format!("[{low}, {high}] or {}", limits.join(" or "))
+        }
+    }
+
+    /// What an axis covers unless it says otherwise; of an index of refraction, nobody knows.
+    pub fn range(self) -> Option<(f64, f64)> {
+        self.facts().range
+    }
+
     /// The parameter that stands for both where two are names of one: `roughness` and `alpha` determine each other.
     pub fn canonical(self) -> Self {
         if self == Self::Roughness { Self::Alpha } else { self }
@@ -150,8 +241,9 @@ impl fmt::Display for Parameter {
     }
 }
 
-/// Values of the parameters at which a quantity is wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// Values of the parameters at which a quantity is wanted; in a file, texts such as `eta=1.5`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct Point {
     values: [Option<f64>; Parameter::ALL.len()],
 }
@@ -161,10 +253,10 @@ impl Point {
     ///
     /// **Errors**: a value outside the parameter's domain, or a second value for the same parameter.
     pub fn with(mut self, parameter: Parameter, value: f64) -> Result<Self> {
-        let (low, high) = parameter.domain();
-        if !(low..=high).contains(&value) {
+        if !parameter.admits(value) {
+            let (low, high) = parameter.domain();
             return Err(Error::usage(
-                format!("{parameter} {value} is outside its domain [{low}, {high}]"),
+                format!("{parameter} {value} is outside its domain {}", parameter.domain_text()),
                 format!("give {parameter} from {low} to {high}"),
             ));
         }
@@ -187,6 +279,16 @@ impl Point {
         self.values[parameter as usize] = Some(value);
     }
 
+    /// Whether no parameter was given.
+    pub fn is_empty(&self) -> bool {
+        self.given().next().is_none()
+    }
+
+    /// The parameters that were given, in the order of [`Parameter::ALL`].
+    pub fn given(&self) -> impl Iterator<Item = (Parameter, f64)> + '_ {
+        Parameter::ALL.into_iter().filter_map(|p| self.values[p as usize].map(|value| (p, value)))
+    }
+
     /// The value of `parameter`; alpha follows from roughness and roughness from alpha.
     ///
     /// **Errors**: it was not given.
@@ -204,6 +306,35 @@ impl Point {
             };
             Error::usage(format!("no value for {parameter}"), hint)
         })
+    }
+}
+
+/// `eta 1.5, rho 0.8`.
+impl fmt::Display for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let texts: Vec<String> = self.given().map(|(parameter, value)| format!("{parameter} {value}")).collect();
+        f.write_str(&texts.join(", "))
+    }
+}
+
+impl TryFrom<Vec<String>> for Point {
+    type Error = Error;
+
+    fn try_from(texts: Vec<String>) -> Result<Self> {
+        texts.iter().try_fold(Self::default(), |point, text| {
+            let known =
+                |(name, value): (&str, &str)| Some((Parameter::from_name(name.trim())?, value.trim().parse().ok()?));
+            let (parameter, value) = text.split_once('=').and_then(known).ok_or_else(|| {
+                Error::usage(format!("{text:?} gives no parameter a value"), "write PARAMETER=NUMBER, such as eta=1.5")
+            })?;
+            point.with(parameter, value)
+        })
+    }
+}
+
+impl From<Point> for Vec<String> {
+    fn from(point: Point) -> Self {
+        point.given().map(|(parameter, value)| format!("{parameter}={value}")).collect()
     }
 }
 
@@ -259,6 +390,11 @@ pub trait Family: Sync {
     /// The random witness: a standard error per quantity, when `integration.stop()` says enough.
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>>;
 
+    /// Whether there is a deterministic witness; without one, the random one alone computes.
+    fn has_quadrature(&self) -> bool {
+        true
+    }
+
     /// Whether the quantities are closed forms of their parameters, with nothing to integrate: both witnesses are then the same
     /// value, a bound, and neither proves anything of the other.
     fn is_pointwise(&self) -> bool {
@@ -286,6 +422,7 @@ pub struct Identity {
 pub static FAMILIES: &[&dyn Family] = &[
     &super::ggx::Split,
     &super::ggx::Average,
+    &super::anisotropic::Directional,
     &super::beckmann::Split,
     &super::beckmann::Average,
     &super::charlie::Directional,
@@ -336,7 +473,7 @@ impl fmt::Debug for Handle {
 
 impl PartialEq for Handle {
     fn eq(&self, other: &Self) -> bool {
-        self.quantity.name == other.quantity.name
+        std::ptr::eq(self.quantity, other.quantity)
     }
 }
 
@@ -351,7 +488,7 @@ impl Handle {
 
     /// The estimate, if it is as good as was asked for.
     pub(crate) fn reached(&self, estimate: Estimate, integration: &Integration) -> Result<Estimate> {
-        let tolerance = integration.tolerance();
+        let tolerance = integration.tolerance_of(self.is_monte_carlo(integration));
         // A count of samples is an order to stop there, however good the value is by then.
         if estimate.error <= tolerance || integration.settings.samples.is_some() {
             return Ok(estimate);
@@ -364,14 +501,32 @@ impl Handle {
                 estimate.error,
                 estimate.kind.name()
             ),
-            format!("use --tolerance {:.0e}", 2.0 * estimate.error),
+            if estimate.error.is_finite() {
+                format!("use --tolerance {:.0e}", 2.0 * estimate.error)
+            } else {
+                "ask the other witness with --integrator, and report this as a bug".to_owned()
+            },
         ))
     }
 
     /// Whether both are computed by the same integration.
     pub fn same_family(&self, other: &Self) -> bool {
-        self.family.quantities()[0].name == other.family.quantities()[0].name
+        std::ptr::eq(self.family.quantities(), other.family.quantities())
     }
+
+    /// Whether the random witness computes it.
+    pub fn is_monte_carlo(&self, integration: &Integration) -> bool {
+        is_monte_carlo(self.family, integration)
+    }
+
+    /// What the error of an estimate of it is.
+    pub fn error_kind(&self, integration: &Integration) -> ErrorKind {
+        if self.is_monte_carlo(integration) { ErrorKind::Sigma } else { ErrorKind::Bound }
+    }
+}
+
+fn is_monte_carlo(family: &dyn Family, integration: &Integration) -> bool {
+    integration.is_monte_carlo() || (integration.settings.integrator == Integrator::Auto && !family.has_quadrature())
 }
 
 /// Every quantity of a family at a point, by the witness that `integration` chooses.
@@ -381,19 +536,30 @@ pub fn evaluate_family(
     model: &Model,
     integration: &Integration,
 ) -> Result<Vec<Estimate>> {
-    if integration.is_monte_carlo() {
+    if is_monte_carlo(family, integration) {
         family.monte_carlo(at, model, integration)
     } else {
-        family.quadrature(at, model, integration.tolerance())
+        family.quadrature(at, model, integration.tolerance_of(false))
     }
 }
 
-/// The quantity of that name.
+/// The quantity of that name, of several the first.
 ///
 /// **Errors**: an unknown name; the message lists near matches.
 pub fn find(name: &str) -> Result<Handle> {
-    all().find(|h| h.quantity.name == name).ok_or_else(|| {
-        let names: Vec<_> = all().map(|h| h.quantity.name).collect();
+    find_among(name, |_| false)
+}
+
+/// The quantity of that name which depends on no more than the parameters that are `given`, or else the first: a lobe can be
+/// isotropic or not, and which one is meant, the parameters say.
+///
+/// **Errors**: as [`find`].
+pub fn find_among(name: &str, given: impl Fn(Parameter) -> bool) -> Result<Handle> {
+    let named = || all().filter(|h| h.quantity.name == name);
+    let known = |h: &Handle| h.quantity.parameters.iter().all(|p| given(*p));
+    named().find(known).or_else(|| named().next()).ok_or_else(|| {
+        let mut names: Vec<_> = all().map(|h| h.quantity.name).collect();
+        names.dedup();
         Error::usage(format!("no quantity is called {name:?}"), near_matches(name, &names, "kiln list quantities"))
     })
 }

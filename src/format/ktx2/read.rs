@@ -18,6 +18,7 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
         format,
         width: header.pixel_width as usize,
         height: header.pixel_height as usize,
+        depth: header.pixel_depth as usize,
         faces: header.face_count as usize,
         levels: Vec::new(),
         metadata: metadata(&header, bytes)?,
@@ -68,17 +69,11 @@ fn header(bytes: &[u8]) -> Result<Header> {
 
 /// The texel format; refuses every kind of texture that Kiln does not write.
 fn check_kind(header: &Header, bytes: &[u8]) -> Result<TexelFormat> {
-    if header.pixel_depth > 0 || header.pixel_height == 0 || header.layer_count > 0 {
-        let kind = if header.layer_count > 0 {
-            "an array"
-        } else if header.pixel_depth > 0 {
-            "a volume"
-        } else {
-            "one-dimensional"
-        };
+    if header.pixel_height == 0 || header.layer_count > 0 {
+        let kind = if header.layer_count > 0 { "an array" } else { "one-dimensional" };
         return Err(Error::unsupported(
-            format!("the KTX2 is {kind}, where a two-dimensional texture or a cube map is wanted"),
-            "extract one layer or slice with the KTX tools",
+            format!("the KTX2 is {kind}, where a texture of two or three dimensions or a cube map is wanted"),
+            "extract one layer with the KTX tools",
         ));
     }
     if header.face_count != 1 && (header.face_count != 6 || header.pixel_width != header.pixel_height) {

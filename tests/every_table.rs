@@ -1,0 +1,139 @@
+//! Every table that has a name, baked small by both integrators; the rounding of what is baked.
+
+use kiln::bake::{self, Baked};
+use kiln::format::{FormatSpec, exr, ktx2};
+use kiln::integrate::{Integration, Integrator, Settings};
+use kiln::pack::{Number, TexelFormat};
+use kiln::recipe::TableRecipe;
+use kiln::table::named::TABLES;
+use kiln::table::{Parameter, TableSpec};
+
+/// 5 standard errors estimated from 32 replicates: one false alarm in 50,000 comparisons, of which there are below 10,000; the
+/// seeds are fixed.
+const SIGMAS: f64 = 5.0;
+
+/// The named table with that many texels along each axis, in full floats.
+fn small(name: &str, size: usize, integration: Settings) -> TableRecipe {
+    let mut recipe = TableRecipe::named(name, FormatSpec::Exr(Number::F32)).expect("a name");
+    recipe.axes.iter_mut().for_each(|axis| axis.size = size);
+    recipe.integration = integration;
+    recipe
+}
+
+fn bake(recipe: &TableRecipe) -> Baked {
+    bake::table(recipe, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", recipe.file))
+}
+
+/// The values of the file, texel by texel, channels in the recipe's order.
+fn values(recipe: &TableRecipe, baked: &Baked) -> Vec<f32> {
+    let arrangement = recipe.arrangement().expect("an arrangement");
+    let (_, bytes) = &baked.files[0];
+    let file: Vec<f32> = match recipe.format {
+        FormatSpec::Exr(_) => {
+            let image = exr::decode(bytes).expect("an EXR");
+            let names: Vec<&str> = recipe.channels.iter().map(String::as_str).collect();
+            let channels: Vec<Vec<f32>> =
+                arrangement.names(&names).iter().map(|name| image.channel(name).expect("a channel")).collect();
+            (0..channels[0].len()).flat_map(|i| channels.iter().map(move |c| c[i])).collect()
+        }
+        FormatSpec::Ktx2(_) => {
+            let texture = ktx2::decode(bytes).expect("a KTX2");
+            let (stored, n) = (texture.format.channels, recipe.channels.len());
+            let all: Vec<f32> = (0..texture.layers(0)).filter_map(|slice| texture.face(0, slice)).flatten().collect();
+            all.chunks_exact(stored).flat_map(|texel| texel[..n].to_vec()).collect()
+        }
+    };
+    arrangement.gather(&file)
+}
+
+#[test]
+fn every_named_table_is_the_same_by_both_integrators() {
+    for table in TABLES {
+        let size = if table.axes.len() == 3 { 4 } else { 6 };
+        let deterministic = small(table.name, size, Settings::default());
+        let settings = Settings { integrator: Integrator::MonteCarlo, samples: Some(1 << 13), ..Settings::default() };
+        let random = small(table.name, size, settings);
+        let (a, b) = (bake(&deterministic), bake(&random));
+        let n = table.channels.len();
+        for (i, (x, y)) in values(&deterministic, &a).into_iter().zip(values(&random, &b)).enumerate() {
+            let (c, d) = (&a.certificate.channels[i % n], &b.certificate.channels[i % n]);
+            let tolerance = c.max_error + SIGMAS * d.max_error + f64::from(f32::EPSILON * x.abs());
+            let off = f64::from((x - y).abs());
+            assert!(
+                off <= tolerance,
+                "{} texel {}: {x} by quadrature, {y} by samples, {tolerance:e}",
+                c.quantity,
+                i / n
+            );
+        }
+    }
+}
+
+/// The same texels, integrated again as finely as can be.
+fn finest(spec: &TableSpec) -> Vec<(f64, f64)> {
+    let finest = Integration::new(Settings { tolerance: Some(1e-13), ..Settings::default() }).expect("settings");
+    let evaluator = spec.evaluator();
+    (0..spec.len())
+        .flat_map(|texel| evaluator.at(&spec.point(texel), &finest).expect("in the domain"))
+        .map(|e| (e.value, e.error))
+        .collect()
+}
+
+#[test]
+fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
+    for (name, size, texel) in
+        [("dfg", 24, "rg"), ("ggx-f82", 12, "rgba"), ("beckmann-dfg", 8, "rg"), ("dielectric", 4, "rg")]
+    {
+        for number in [Number::F16, Number::F32] {
+            let mut recipe = small(name, size, Settings::default());
+            recipe.channels.truncate(texel.len());
+            recipe.format = match number {
+                Number::F16 => FormatSpec::Ktx2(TexelFormat::new(texel.len(), number).expect("a format")),
+                Number::F32 => FormatSpec::Exr(number),
+            };
+            let baked = bake(&recipe);
+            let rounding = baked.certificate.rounding.expect("a table by quadrature has it");
+            let spec = recipe.spec().expect("a table");
+            let total = (spec.len() * spec.channels.len()) as u64;
+            assert_eq!(rounding.certified + rounding.undecided, total, "{name}");
+            assert!(rounding.undecided * 10_000 <= total, "{name} {number}: {rounding:?}");
+            let stored = values(&recipe, &baked);
+            let mut outside = 0;
+            for (i, (truth, error)) in finest(&spec).into_iter().enumerate() {
+                let got = f64::from(stored[i]);
+                let right = match number {
+                    Number::F16 => [truth - error, truth + error]
+                        .iter()
+                        .any(|v| f64::from(number.unpack(&number.pack(&[*v]).0)[0]) == got),
+                    Number::F32 => (got - truth).abs() <= number.ulp(truth).max(1e-8) + error,
+                };
+                outside += u64::from(!right);
+            }
+            assert!(outside <= rounding.undecided, "{name} {number}: {outside} of {total} are not right");
+        }
+    }
+}
+
+#[test]
+fn a_coarse_tolerance_still_rounds_right() {
+    let coarse = Settings { tolerance: Some(1e-3), ..Settings::default() };
+    let mut recipe = small("dfg", 16, coarse);
+    recipe.format = FormatSpec::Ktx2(TexelFormat::new(2, Number::F16).expect("a format"));
+    let fine = TableRecipe { integration: Settings::default(), ..recipe.clone() };
+    assert_eq!(values(&recipe, &bake(&recipe)), values(&fine, &bake(&fine)));
+}
+
+#[test]
+fn every_named_table_can_be_read_and_says_what_its_axes_cover() {
+    for table in TABLES {
+        let recipe = small(table.name, 8, Settings::default());
+        recipe.spec().and_then(|s| s.check()).unwrap_or_else(|e| panic!("{}: {e}", table.name));
+        for axis in table.default_axes().expect("axes") {
+            axis.check().unwrap_or_else(|e| panic!("{}: {e}", table.name));
+        }
+        table.default_point().unwrap_or_else(|e| panic!("{}: {e}", table.name));
+    }
+    let inside = TABLES.iter().find(|t| t.name == "dielectric-inside").expect("there");
+    let eta = inside.default_axes().expect("axes")[2];
+    assert_eq!((eta.parameter, eta.ends()), (Parameter::Eta, (0.0, 1.0)));
+}
