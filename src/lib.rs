@@ -13,6 +13,23 @@
 //! | 6 | [`bake`], [`verify`] |
 //! | 7 | [`report`] (previews) |
 //!
+//! # Units
+//!
+//! Angles are radians, solid angles steradians, values linear. Quantities of radiometry, and their photometric twins, which weigh every
+//! wavelength as the eye does:
+//!
+//! | | radiometric | | photometric | |
+//! | --- | --- | --- | --- | --- |
+//! | Q | energy | J | luminous energy | lm·s |
+//! | Φ = dQ/dt | flux (power) | W | luminous flux | lm |
+//! | I = dΦ/dω | intensity | W/sr | luminous intensity | cd = lm/sr |
+//! | E = dΦ/dA | irradiance | W/m² | illuminance | lx = lm/m² |
+//! | L = dΦ/(dω dA cosθ) | radiance | W/(sr·m²) | luminance | cd/m² |
+//!
+//! An environment map is L of a direction, E = ∫ L cosθ dω what a surface receives of it. A BRDF is dL_o/dE, in 1/sr; an albedo, the part of
+//! the flux that comes back, has no unit. A watt is 683 lm at a
+//! wavelength of 555 nm and less at every other.
+//!
 //! # Example
 //!
 //! ```

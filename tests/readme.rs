@@ -33,7 +33,7 @@ fn every_command_of_the_readme_prints_what_it_shows() {
     assert!(commands.len() >= 5, "only {} commands", commands.len());
     let folder = tempfile::tempdir().expect("a folder");
     for (command, shown) in commands {
-        let mut words = command.split_whitespace();
+        let mut words = command.split_whitespace().map(|word| word.trim_matches('"'));
         assert_eq!(words.next(), Some("kiln"), "{command}");
         let run = kiln(folder.path(), &words.collect::<Vec<_>>());
         assert_eq!(run.code, 0, "$ {command}\n{}", run.stderr);
