@@ -5,7 +5,9 @@
 mod environment;
 mod table;
 
-pub use environment::{DEFAULT_SAMPLES, SH_SCHEMA, ShFile, environment, environment_texels};
+pub use environment::{
+    DEFAULT_SAMPLES, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels, source,
+};
 pub(crate) use environment::{IRRADIANCE, largest, ulp};
 pub use table::table;
 

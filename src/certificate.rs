@@ -18,6 +18,7 @@
 //! | `lookup` | of a table: the error through bilinear filtering |
 
 use crate::check::Check;
+use crate::environment::Adjusted;
 use crate::error::{Error, Result};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
@@ -153,6 +154,8 @@ pub struct Input {
     pub nonfinite: u64,
     /// Values below zero that were found.
     pub negative: u64,
+    /// What the adjustments came to.
+    pub adjusted: Adjusted,
 }
 
 impl Certificate {

@@ -3,7 +3,7 @@
 //! A recipe is a TOML file of `[[table]]` and `[[environment]]` entries. What an entry leaves out takes a default, and
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
-use crate::environment::{ChainSpec, Negatives, NonFinite};
+use crate::environment::{Adjustment, ChainSpec, Negatives, NonFinite};
 use crate::error::{Error, Result};
 use crate::format::FormatSpec;
 use crate::integrate::Settings;
@@ -87,6 +87,9 @@ pub struct EnvironmentRecipe {
     /// What becomes of values below zero.
     #[serde(default)]
     pub negatives: Negatives,
+    /// What is done to the panorama before it is filtered.
+    #[serde(default)]
+    pub adjust: Adjustment,
     /// How to integrate.
     #[serde(default)]
     pub integration: Settings,
@@ -263,6 +266,7 @@ impl EnvironmentRecipe {
             format: default_cube_format(),
             nonfinite: NonFinite::default(),
             negatives: Negatives::default(),
+            adjust: Adjustment::default(),
             integration: Settings::default(),
         }
     }
@@ -280,6 +284,7 @@ impl EnvironmentRecipe {
     /// **Errors**: impossible sizes, more levels than halvings, roughness outside [0, 1], a format without three channels.
     pub fn check(&self) -> Result<()> {
         self.integration.check()?;
+        self.adjust.check()?;
         for (name, size) in
             [("size", self.size), ("min-size", self.min_size), ("irradiance-size", self.irradiance_size)]
         {

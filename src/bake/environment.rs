@@ -6,7 +6,7 @@ use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::chain::{ChainSpec, LevelReport, specular_chain};
 use crate::environment::irradiance::irradiance_cube;
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Cube, InputReport, Panorama};
+use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load, luminance};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, ktx2};
 use crate::integrate::{ErrorKind, Integrator};
@@ -39,6 +39,30 @@ pub struct ShFile {
     pub fit: IrradianceFit,
 }
 
+/// The file of a sun that was taken out.
+pub(crate) const SUN_FILE: &str = "sun.json";
+/// The schema of `sun.json`.
+pub const SUN_SCHEMA: &str = "kiln-sun/1";
+
+/// What `sun.json` holds: a directional light.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SunFile {
+    /// [`SUN_SCHEMA`].
+    pub schema: String,
+    /// The light.
+    #[serde(flatten)]
+    pub sun: Sun,
+    /// Illuminance of a surface that faces it, in lux.
+    pub illuminance: f64,
+}
+
+impl SunFile {
+    /// The file for a sun of a map with that unit.
+    pub fn new(sun: Sun, unit: Unit) -> Self {
+        Self { schema: SUN_SCHEMA.to_owned(), sun, illuminance: unit.nits() * luminance(sun.irradiance) }
+    }
+}
+
 /// Texels that [`environment`] reports to its progress callback, unless it must draw more samples for a tolerance.
 pub fn environment_texels(recipe: &EnvironmentRecipe) -> u64 {
     chain_spec(recipe, 0).total_texels() + 6 * (recipe.irradiance_size as u64).pow(2)
@@ -57,16 +81,35 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
     }
 }
 
+/// A panorama as a recipe wants it filtered.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Adjusted.
+    pub panorama: Panorama,
+    /// What was wrong with the values that were read.
+    pub report: InputReport,
+    /// What the adjustments came to.
+    pub adjusted: Adjusted,
+}
+
+/// Reads and adjusts what a recipe filters.
+///
+/// **Errors**: those of [`environment::load`] and [`Adjustment::apply`].
+///
+/// [`environment::load`]: crate::environment::load
+/// [`Adjustment::apply`]: crate::environment::Adjustment::apply
+pub fn source(recipe: &EnvironmentRecipe) -> Result<Source> {
+    let (panorama, report) = load(&recipe.input, recipe.nonfinite, recipe.negatives)?;
+    let (panorama, adjusted) = recipe.adjust.apply(panorama).map_err(|e| e.in_file(Path::new(&recipe.input)))?;
+    Ok(Source { panorama, report, adjusted })
+}
+
 /// Filters, checks and packs one environment.
 ///
 /// **Errors**: a recipe that cannot be baked; a tolerance that is not reached; a failed check.
-pub fn environment(
-    recipe: &EnvironmentRecipe,
-    panorama: &Panorama,
-    report: InputReport,
-    progress: Progress,
-) -> Result<Baked> {
+pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progress) -> Result<Baked> {
     recipe.check()?;
+    let Source { panorama, report, adjusted } = source;
     let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
     let (specular, irradiance) = filter(recipe, panorama, progress)?;
     let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format.number);
@@ -77,12 +120,14 @@ pub fn environment(
     checks.extend(judged.against(panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
     let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit };
-    let sh_bytes = sh_json(&sh)?;
-    let digests = digests(&values, &sh_bytes);
+    let sh_bytes = json(&sh)?;
+    let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
+    let names = FILES.iter().copied().chain(sun.as_ref().map(|_| SUN_FILE));
+    let digests = digests(&values, &sh_bytes).into_iter().chain(sun.as_ref().map(|s| certificate::digest([&s[..]])));
     let certificate = Certificate {
         environment: Some(recipe.clone()),
-        input: Some(input(panorama, report)),
-        files: FILES.iter().zip(digests).map(|(f, digest)| FileDigest { file: (*f).to_owned(), digest }).collect(),
+        input: Some(input(source)),
+        files: names.clone().zip(digests).map(|(f, digest)| FileDigest { file: f.to_owned(), digest }).collect(),
         levels: values.iter().zip(specular.iter().chain([&irradiance])).map(|(v, (_, r))| level(&v.name, r)).collect(),
         checks,
         packing,
@@ -101,7 +146,7 @@ pub fn environment(
     let contents = [cube("specular", recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
     let folder = Path::new(&recipe.directory);
     Ok(Baked {
-        files: FILES.iter().zip(contents).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
+        files: names.zip(contents.into_iter().chain(sun)).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
         certificate_path: folder.join("certificate.json"),
         certificate,
     })
@@ -178,11 +223,11 @@ pub(crate) fn digests(values: &[CubeLevel], sh: &[u8]) -> [String; 3] {
     [of(specular), of(irradiance), certificate::digest([sh])]
 }
 
-/// `sh.json`, as written.
-pub(crate) fn sh_json(sh: &ShFile) -> Result<Vec<u8>> {
-    serde_json::to_string_pretty(sh)
+/// A file of JSON, as written.
+fn json(content: &impl Serialize) -> Result<Vec<u8>> {
+    serde_json::to_string_pretty(content)
         .map(|text| (text + "\n").into_bytes())
-        .map_err(|e| Error::unsupported(format!("coefficients that JSON cannot hold: {e}"), "report this as a bug"))
+        .map_err(|e| Error::unsupported(format!("numbers that JSON cannot hold: {e}"), "report this as a bug"))
 }
 
 /// A mirror level's texels, weighted by their exact solid angles, sum to the input's flux.
@@ -209,7 +254,7 @@ fn level(name: &str, report: &LevelReport) -> Level {
     }
 }
 
-fn input(panorama: &Panorama, report: InputReport) -> Input {
+fn input(Source { panorama, report, adjusted }: &Source) -> Input {
     Input {
         width: panorama.width(),
         height: panorama.height(),
@@ -218,5 +263,6 @@ fn input(panorama: &Panorama, report: InputReport) -> Input {
         peak: panorama.peak().2,
         nonfinite: report.nonfinite,
         negative: report.negative,
+        adjusted: *adjusted,
     }
 }

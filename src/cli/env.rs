@@ -1,11 +1,13 @@
 //! `kiln env`: one environment.
 
+use super::adjustment::AdjustArgs;
 use super::arguments::IntegrationArgs;
 use super::console::Console;
 use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
+use kiln::bake::Source;
 use kiln::certificate::Certificate;
-use kiln::environment::{self, Negatives, NonFinite};
+use kiln::environment::{Negatives, NonFinite};
 use kiln::format::FormatSpec;
 use kiln::recipe::EnvironmentRecipe;
 use kiln::{Error, Result};
@@ -46,6 +48,8 @@ pub struct Env {
     negatives: NegativesName,
     #[command(flatten)]
     integration: IntegrationArgs,
+    #[command(flatten)]
+    adjust: AdjustArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -81,6 +85,7 @@ impl Env {
             NegativesName::Clamp => Negatives::Clamp,
         };
         recipe.integration = self.integration.over(recipe.integration);
+        recipe.adjust = self.adjust.adjustment();
         let certificate = bake_environment(&recipe, &self.out, console)?;
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
@@ -92,7 +97,8 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     // Before minutes of work, not after: whether the folder can be written to.
     let target = folder.join(&recipe.directory);
     std::fs::create_dir_all(&target).map_err(|e| Error::writing(&target, e))?;
-    let (panorama, report) = environment::load(&recipe.input, recipe.nonfinite, recipe.negatives)?;
+    let source = kiln::bake::source(recipe)?;
+    let Source { report, adjusted, .. } = &source;
     if report.nonfinite > 0 {
         console.warn(&format!("{}: {} values were not finite and are zero now", recipe.input, report.nonfinite));
     }
@@ -104,8 +110,15 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
             recipe.input, report.negative, report.min
         ));
     }
+    if adjusted.clamped > 0 {
+        let taken = adjusted.energy_clamped.map(|part| format!("{:.2} %", 100.0 * part)).join(", ");
+        console.warn(&format!(
+            "{}: {} texels were clamped, and {taken} of R, G, B with them",
+            recipe.input, adjusted.clamped
+        ));
+    }
     let bar = console.progress(kiln::bake::environment_texels(recipe), &recipe.input);
-    let baked = kiln::bake::environment(recipe, &panorama, report, &|n| bar.inc(n));
+    let baked = kiln::bake::environment(recipe, &source, &|n| bar.inc(n));
     bar.finish_and_clear();
     let baked = baked?;
     baked.write(folder)?;

@@ -1,9 +1,11 @@
 //! `kiln info`: what a file is.
 
+use super::adjustment::UnitArgs;
 use super::console::{Console, columns, printable};
 use clap::Args;
+use kiln::bake::SunFile;
 use kiln::certificate::{self, Certificate};
-use kiln::environment::{Negatives, NonFinite, Panorama, luminance};
+use kiln::environment::{Negatives, NonFinite, Panorama, Photometry, Unit, extract_sun};
 use kiln::format::{FileKind, Image, decode_image, exr, ktx2};
 use kiln::{Error, Result};
 use serde::Serialize;
@@ -15,6 +17,8 @@ pub struct Info {
     /// An .exr, .hdr or .ktx2
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    #[command(flatten)]
+    unit: UnitArgs,
 }
 
 /// What is known of a file.
@@ -49,15 +53,16 @@ struct Range {
 /// What a lighting artist asks of a panorama.
 #[derive(Serialize)]
 struct PanoramaFacts {
-    mean_luminance: f64,
-    peak_luminance: f64,
-    dynamic_range_ev: f64,
-    peak_direction: [f64; 3],
+    #[serde(flatten)]
+    light: Photometry,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sun: Option<SunFile>,
 }
 
 impl Info {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let facts: Vec<Facts> = self.files.iter().map(|f| facts(f).map_err(|e| e.in_file(f))).collect::<Result<_>>()?;
+        let facts: Vec<Facts> =
+            self.files.iter().map(|f| facts(f, self.unit.unit()).map_err(|e| e.in_file(f))).collect::<Result<_>>()?;
         if console.json {
             return console.print_json(&facts);
         }
@@ -68,20 +73,20 @@ impl Info {
     }
 }
 
-fn facts(path: &Path) -> Result<Facts> {
+fn facts(path: &Path, unit: Unit) -> Result<Facts> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
     let mut facts = match FileKind::of(&bytes) {
         FileKind::Ktx2 => of_texture(path, ktx2::decode(&bytes)?),
-        FileKind::Exr => of_image(path, "OpenEXR", exr::decode(&bytes)?),
+        FileKind::Exr => of_image(path, "OpenEXR", exr::decode(&bytes)?, unit),
         // Everything else that can be read is a Radiance HDR; the reader says so if it is neither.
-        _ => of_image(path, "Radiance HDR", decode_image(&bytes)?),
+        _ => of_image(path, "Radiance HDR", decode_image(&bytes)?, unit),
     };
     let text = facts.metadata.iter().position(|(key, _)| key == certificate::KEY).map(|i| facts.metadata.remove(i).1);
     facts.certificate = text.map(|t| Certificate::from_json(&t)).transpose()?;
     Ok(facts)
 }
 
-fn of_image(path: &Path, kind: &str, image: Image) -> Facts {
+fn of_image(path: &Path, kind: &str, image: Image, unit: Unit) -> Facts {
     let n = image.channels.len();
     let channels = ranges(&image.channels, &image.texels, n);
     Facts {
@@ -94,26 +99,17 @@ fn of_image(path: &Path, kind: &str, image: Image) -> Facts {
         levels: 1,
         channels,
         // Only what can be a panorama has these facts; a table has not.
-        panorama: Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).ok().map(|(p, _)| of_panorama(&p)),
+        panorama: Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep)
+            .ok()
+            .map(|(p, _)| of_panorama(&p, unit)),
         metadata: image.metadata,
         certificate: None,
     }
 }
 
-fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
-    let (column, row, peak) = panorama.peak();
-    let darkest = panorama
-        .texels()
-        .iter()
-        .map(|t| luminance(t.map(f64::from)))
-        .filter(|&l| l > 0.0)
-        .fold(f64::INFINITY, f64::min);
-    PanoramaFacts {
-        mean_luminance: luminance(panorama.mean()),
-        peak_luminance: peak,
-        dynamic_range_ev: (peak / darkest).log2(),
-        peak_direction: panorama.texel_box(column, row).middle().to_array(),
-    }
+fn of_panorama(panorama: &Panorama, unit: Unit) -> PanoramaFacts {
+    let sun = extract_sun(panorama).map(|(sun, _)| SunFile::new(sun, unit));
+    PanoramaFacts { light: Photometry::of(panorama, unit), sun }
 }
 
 fn of_texture(path: &Path, texture: ktx2::Texture) -> Facts {
@@ -174,11 +170,26 @@ fn text(facts: &Facts) -> String {
         .collect();
     text += &columns(&["channel", "min", "max", "mean", "not finite", "negative"], &cells);
     if let Some(p) = &facts.panorama {
-        let [x, y, z] = p.peak_direction;
+        let light = &p.light;
+        let [x, y, z] = light.peak_direction;
         text += &format!(
-            "luminance: mean {:.6}, peak {:.6} towards ({x:.3}, {y:.3}, {z:.3}), range {:.1} EV\n",
-            p.mean_luminance, p.peak_luminance, p.dynamic_range_ev
+            "luminance: mean {:.4} cd/m², peak {:.4} towards ({x:.3}, {y:.3}, {z:.3}), range {:.1} EV\n",
+            light.mean_luminance, light.peak_luminance, light.dynamic_range_ev
         );
+        text += &format!("horizontal illuminance: {:.4} lux\n", light.horizontal_illuminance);
+        text += &match &p.sun {
+            Some(SunFile { sun, illuminance, .. }) => {
+                let [x, y, z] = sun.direction;
+                format!(
+                    "sun: towards ({x:.4}, {y:.4}, {z:.4}), {:.2}° across ({:.2e} sr), {illuminance:.4} lux facing it, {:.1} % of the \
+                     light\n",
+                    sun.angular_diameter,
+                    sun.solid_angle,
+                    100.0 * sun.share
+                )
+            }
+            None => "sun: none stands out\n".to_owned(),
+        };
     }
     for (key, value) in &facts.metadata {
         text += &format!("{key}: {value}\n");

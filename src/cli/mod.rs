@@ -2,6 +2,7 @@
 //!
 //! stdout carries results, stderr progress, warnings and errors. Exit 0 done, 1 failed, 2 usage, 3 verification failed.
 
+mod adjustment;
 mod arguments;
 mod bake;
 mod console;

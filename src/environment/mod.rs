@@ -1,10 +1,12 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
-//! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
+//! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]); [`Adjustment`] turns, exposes and
+//! calibrates it ([`photometry`]). From it come the area
 //! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
 //! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]).
 
+mod adjust;
 pub mod area_average;
 pub mod builtin;
 pub mod chain;
@@ -15,14 +17,17 @@ pub mod kernel;
 pub mod monte_carlo;
 pub mod panorama;
 mod peel;
+pub mod photometry;
 mod sampler;
 pub mod sky;
 mod source;
 pub mod spherical_harmonics;
+mod sun;
 mod sun_disc;
 #[cfg(test)]
 mod test_maps;
 
+pub use adjust::{Adjusted, Adjustment};
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
 pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, specular_chain};
@@ -32,5 +37,7 @@ pub use irradiance::irradiance_cube;
 pub use kernel::Kernel;
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
 pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
+pub use photometry::{Photometry, Unit};
 pub use source::{BUILTIN_PREFIX, load};
 pub use spherical_harmonics::SphericalHarmonics;
+pub use sun::{Sun, extract as extract_sun};

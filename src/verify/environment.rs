@@ -1,13 +1,14 @@
 //! Verification of an environment's files.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::{IRRADIANCE, ShFile, largest, texel_digest, ulp};
+use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, largest, texel_digest, ulp};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::{self, Panorama, spherical_harmonics};
+use crate::environment::{Panorama, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, ktx2};
 use crate::recipe::EnvironmentRecipe;
+use glam::DVec3;
 use std::path::Path;
 
 pub(super) fn verify(
@@ -18,7 +19,8 @@ pub(super) fn verify(
     options: Options,
 ) -> Result<Report> {
     recipe.check().map_err(|e| e.in_file(path))?;
-    let (panorama, skipped) = source(certificate, recipe);
+    let (again, skipped) = source_again(certificate, recipe);
+    let panorama = again.as_ref().map(|source| source.panorama.clone());
     let mut report = Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped };
     match content {
         Content::Texture(texture) => {
@@ -41,6 +43,39 @@ pub(super) fn verify(
             let kind = if levels[0].name == IRRADIANCE { "irradiance E/π" } else { "specular chain" };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
+        Content::Json(value) if value["schema"] == SUN_SCHEMA => {
+            report.claim = format!("sun of {}", recipe.input);
+            let file: SunFile = serde_json::from_value(value.clone())
+                .map_err(|e| Error::invalid(format!("not a sun: {e}"), "bake it again").in_file(path))?;
+            let claimed = certificate.input.as_ref().and_then(|input| input.adjusted.sun);
+            let differs = f64::from(u8::from(claimed != Some(file.sun)));
+            report.checks.push(Check::at_most(
+                "a sun other than the certified one",
+                "sun.json",
+                differs,
+                0.0,
+                "all of it",
+            ));
+            if let Some(found) = again.and_then(|source| source.adjusted.sun) {
+                let off = DVec3::from(found.direction).angle_between(DVec3::from(file.sun.direction));
+                report.checks.push(Check::at_most(
+                    "direction extracted again, radians",
+                    "sun.json",
+                    off,
+                    1e-9,
+                    "angle",
+                ));
+                let light = (0..3).map(|c| (found.irradiance[c] - file.sun.irradiance[c]).abs()).fold(0.0, f64::max);
+                let limit = 1e-12 * found.irradiance.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+                report.checks.push(Check::at_most(
+                    "irradiance extracted again",
+                    "sun.json",
+                    light,
+                    limit,
+                    "worst of 3",
+                ));
+            }
+        }
         Content::Json(value) => {
             report.claim = format!("spherical harmonics of {}", recipe.input);
             let sh: ShFile = serde_json::from_value(value.clone())
@@ -60,15 +95,15 @@ pub(super) fn verify(
     Ok(report)
 }
 
-/// The panorama that was filtered, if it can still be had; else what cannot be checked.
-fn source(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Option<Panorama>, Vec<String>) {
+/// What was filtered, if it can still be had; else what cannot be checked.
+fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Option<Source>, Vec<String>) {
     let skip = |why: String| (None, vec![format!("comparison with the input: {why}")]);
-    match environment::load(&recipe.input, recipe.nonfinite, recipe.negatives) {
+    match bake::source(recipe) {
         Err(error) => skip(error.to_string()),
-        Ok((panorama, _)) => {
-            let digest = texel_digest([panorama.texels().as_flattened()]);
+        Ok(source) => {
+            let digest = texel_digest([source.panorama.texels().as_flattened()]);
             match &certificate.input {
-                Some(input) if input.digest == digest => (Some(panorama), vec![]),
+                Some(input) if input.digest == digest => (Some(source), vec![]),
                 _ => skip(format!("{} is not what it was when the environment was baked", recipe.input)),
             }
         }
