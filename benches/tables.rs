@@ -11,16 +11,42 @@ use kiln::integrate::{Integration, Integrator, Settings};
 use kiln::math::frame::direction_with_cosine;
 use kiln::math::sobol::PointSet;
 use kiln::model::Lobe;
+use kiln::model::charlie::Visibility;
 use kiln::model::ggx::{Ggx, Smith};
-use kiln::table::{Axis, Model, Parameter, TableSpec, quantity};
+use kiln::table::named::{NamedTable, TABLES};
+use kiln::table::quantity::evaluate_family;
+use kiln::table::{Axis, Model, Parameter, Point, TableSpec, quantity};
 use std::hint::black_box;
 
-fn dfg(size: usize, settings: Settings) {
-    let channels = ["ggx.scale", "ggx.bias"].map(|name| quantity::find(name).expect("a quantity")).to_vec();
-    let axes = vec![Axis::new(Parameter::Mu, size), Axis::new(Parameter::Roughness, size)];
-    let spec = TableSpec { channels, axes, model: Model::default() };
+fn bake(channels: &[&str], axes: Vec<Axis>, model: Model, settings: Settings) {
+    let channels = channels.iter().map(|name| quantity::find(name).expect("a quantity")).collect();
+    let spec = TableSpec { channels, axes, model };
     let integration = Integration::new(settings).expect("valid settings");
     black_box(spec.bake(&integration, &|_| {}).expect("the tolerance is reached"));
+}
+
+fn dfg(size: usize, settings: Settings) {
+    let axes = vec![Axis::new(Parameter::Mu, size), Axis::new(Parameter::Roughness, size)];
+    bake(&["ggx.scale", "ggx.bias"], axes, Model::default(), settings);
+}
+
+/// A named table as `kiln table NAME` bakes it.
+fn named(table: &NamedTable, model: Model) {
+    bake(table.channels, table.default_axes(), model, Settings::default());
+}
+
+/// Reflectance and transmittance of a rough dielectric at the centres of 16³ texels: mu, alpha, and eta over an interval.
+fn dielectric_pair(smith: Smith, (low, high): (f64, f64)) {
+    let family = quantity::find("dielectric.reflectance").expect("a quantity").family;
+    let (model, integration) =
+        (Model { smith, ..Model::default() }, Integration::new(Settings::default()).expect("valid settings"));
+    let centre = |i: usize| (i as f64 + 0.5) / 16.0;
+    for texel in 0..16 * 16 * 16 {
+        let [mu, alpha, eta] = [texel % 16, texel / 16 % 16, texel / 256].map(centre);
+        let values = [(Parameter::Mu, mu), (Parameter::Alpha, alpha), (Parameter::Eta, low + eta * (high - low))];
+        let at = values.into_iter().fold(Point::default(), |p, (q, v)| p.with(q, v).expect("in the domain"));
+        black_box(evaluate_family(family, &at, &model, &integration).expect("in the domain"));
+    }
 }
 
 fn quadrature(tolerance: f64) -> Settings {
@@ -45,13 +71,33 @@ fn integrand_alone(size: usize, samples: usize) {
     }
 }
 
+fn case(name: impl Into<String>, run: impl Fn() + 'static) -> Case {
+    // A name is wanted for as long as the process lives.
+    (name.into().leak(), Box::new(run))
+}
+
 fn main() {
-    let cases: [Case; 5] = [
-        ("dfg 128², quadrature, 1e-6", Box::new(|| dfg(128, quadrature(1e-6)))),
-        ("dfg 128², quadrature, 1e-7", Box::new(|| dfg(128, quadrature(1e-7)))),
-        ("dfg 128², quadrature, 1e-9", Box::new(|| dfg(128, quadrature(1e-9)))),
-        ("dfg 32², Monte Carlo, 4096 points", Box::new(|| dfg(32, monte_carlo(4096)))),
-        ("dfg 32², its integrand alone", Box::new(|| integrand_alone(32, 4096))),
+    let mut cases = vec![
+        case("dfg 128², quadrature, 1e-6", || dfg(128, quadrature(1e-6))),
+        case("dfg 128², quadrature, 1e-7", || dfg(128, quadrature(1e-7))),
+        case("dfg 128², quadrature, 1e-9", || dfg(128, quadrature(1e-9))),
+        case("dfg 32², Monte Carlo, 4096 points", || dfg(32, monte_carlo(4096))),
+        case("dfg 32², its integrand alone", || integrand_alone(32, 4096)),
     ];
+    for table in TABLES {
+        cases.push(case(format!("table {}", table.name), || named(table, Model::default())));
+    }
+    cases.push(case("every named table", || TABLES.iter().for_each(|table| named(table, Model::default()))));
+    let sheen = TABLES.iter().find(|table| table.name == "charlie-albedo").expect("a table");
+    for visibility in Visibility::ALL {
+        let model = Model { visibility, ..Model::default() };
+        cases.push(case(format!("sheen 64², {}", visibility.name()), move || named(sheen, model)));
+    }
+    for smith in [Smith::Correlated, Smith::Separable, Smith::Beta] {
+        for (low, high) in [(1.0, 2.0), (0.5, 1.0)] {
+            let name = format!("dielectric 16³, eta {low}..{high}, {}", smith.name());
+            cases.push(case(name, move || dielectric_pair(smith, (low, high))));
+        }
+    }
     harness::run(&cases);
 }
