@@ -8,7 +8,7 @@ mod ggx;
 pub use beckmann::{beckmann_albedo_average, beckmann_reflection};
 pub use charlie::{charlie_albedo, charlie_albedo_average};
 pub use dielectric::{dielectric_scattering, dielectric_scattering_average};
-pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection};
+pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection, ggx_split};
 
 use super::Estimate;
 use crate::math::quadrature::GradedRules;
@@ -20,6 +20,42 @@ struct Rung {
     rules: GradedRules,
     /// For Gaussians and their like, which grow beyond the middle half of that strip: twice the digits make up for half the strip.
     doubled: GradedRules,
+    /// Over half a circle, ∫ f(y) dψ from 0 to π with y = sin²(ψ/2), for integrands with a pole at negative y: see [`near_pole`].
+    circle: GradedRules,
+}
+
+/// The scale of [`Rung::circle`] for a pole at y = −1/`ratio`: τ = tan(ψ/4) keeps it on the imaginary axis, at
+/// w = 1/(ρ + √(ρ² + 1)) with ρ² = `ratio`.
+fn near_pole(ratio: f64) -> f64 {
+    1.0 / (ratio.sqrt() + (ratio + 1.0).sqrt())
+}
+
+/// y and dψ/dτ at τ = tan(ψ/4).
+fn quarter_tangent(tau: f64) -> (f64, f64) {
+    let q = 1.0 / (1.0 + tau * tau);
+    (4.0 * tau * tau * q * q, 4.0 * q)
+}
+
+/// An angle by the sine and cosine of its half: exact where it is small, and cheap.
+#[derive(Clone, Copy)]
+struct HalfAngle {
+    sin_half: f64,
+    cos_half: f64,
+}
+
+impl HalfAngle {
+    fn of(angle: f64) -> Self {
+        let (sin_half, cos_half) = (0.5 * angle).sin_cos();
+        Self { sin_half, cos_half }
+    }
+
+    fn sin(self) -> f64 {
+        2.0 * self.sin_half * self.cos_half
+    }
+
+    fn cos(self) -> f64 {
+        (self.cos_half - self.sin_half) * (self.cos_half + self.sin_half)
+    }
 }
 
 /// Accuracies, coarse to fine: each is computed when first used.
@@ -27,7 +63,11 @@ static LADDER: LazyLock<Vec<Rung>> = LazyLock::new(|| [9.0, 14.0, 19.0, 25.0, 32
 
 impl Rung {
     fn new(digits: f64) -> Self {
-        Self { rules: GradedRules::new(digits), doubled: GradedRules::new(2.0 * digits) }
+        Self {
+            rules: GradedRules::new(digits),
+            doubled: GradedRules::new(2.0 * digits),
+            circle: GradedRules::mapped(digits, quarter_tangent),
+        }
     }
 }
 
