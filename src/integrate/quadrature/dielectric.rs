@@ -13,7 +13,7 @@
 //! the BTDF integrated over directions, and against Monte Carlo.
 
 use super::ggx::{albedo_on, reflection_on};
-use super::{Rung, Sum, climb_carefully, near_pole};
+use super::{Rung, Sum, Trust, climb_with, near_pole};
 use crate::integrate::Estimate;
 use crate::math::frame::{direction_with_cosine, elevation};
 use crate::model::dielectric::{Dielectric, reflectance, refracted_cosine, transmittance};
@@ -25,13 +25,13 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// `mu` in [0, 1]; facets of equal width in all directions, in (0, 1], with a masking that light can go through.
 pub fn dielectric_scattering(mu: f64, interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
     let defect = ANGLE / mu.hypot(interface.facets.alpha_x);
-    climb_carefully(SAFETY, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect })
+    climb_with(TRUST, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect })
 }
 
 /// The same averaged over the hemisphere: 2 ∫ … mu dmu.
 pub fn dielectric_scattering_average(interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
     let critical = (1.0 - interface.eta * interface.eta).max(0.0).sqrt();
-    climb_carefully(SAFETY, tolerance, |rung| {
+    climb_with(TRUST, tolerance, |rung| {
         let mut sum = [0.0; 2];
         for (low, high) in [(0.0, critical), (critical, 1.0)] {
             let half = 0.5 * (high - low);
@@ -53,7 +53,7 @@ fn with_sum([up, down]: [f64; 2]) -> [f64; 3] {
 
 /// What the difference of two rungs is multiplied with to be a bound: more than elsewhere, since the singularities beyond the
 /// horizons lie on the real axis, where a graded rule converges more slowly than its name says.
-const SAFETY: f64 = 20.0;
+const TRUST: Trust = Trust { safety: 20.0, lead: 4.0 };
 /// Rounding of an angle near π/2, in parts of what the factor of safety makes of it: at grazing angles the integrals vary over
 /// angles of the size of mu and alpha.
 const ANGLE: f64 = 0.25 * f64::EPSILON;
