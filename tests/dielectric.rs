@@ -202,8 +202,7 @@ fn btdf_is_reciprocal_over_eta_squared() {
                 let there = interface(eta).btdf(wo, wt).expect("a masking for both") / (eta * eta);
                 let back = interface(1.0 / eta).btdf(-wt, -wo).expect("a masking for both");
                 let off = (there - back).abs();
-                // The half-vector is a difference of vectors, which loses digits by 1/alpha² at most.
-                assert!(off <= 1e-10 * there, "{smith:?} {alpha} {eta} {wo} {wt}: {there} and {back}");
+                assert!(off <= 1e-12 * there, "{smith:?} {alpha} {eta} {wo} {wt}: {there} and {back}");
             }
         }
     }

@@ -34,16 +34,16 @@ impl Rule {
             for lane in 0..LANES {
                 let weight = weights[lane] * values[lane].0;
                 whole[lane] += weight;
-                for k in 0..K {
-                    sums[k][lane] += weight * values[lane].1[k];
+                for (sum, value) in sums.iter_mut().zip(values[lane].1) {
+                    sum[lane] += weight * value;
                 }
             }
         }
         for (lane, (x, w)) in last_nodes.iter().zip(last_weights).enumerate() {
             let (density, functions) = density_and_functions(*x);
             whole[lane] += w * density;
-            for k in 0..K {
-                sums[k][lane] += w * density * functions[k];
+            for (sum, value) in sums.iter_mut().zip(functions) {
+                sum[lane] += w * density * value;
             }
         }
         (whole.iter().sum(), sums.map(|lanes| lanes.iter().sum()))

@@ -65,6 +65,9 @@ const BRANCH: f64 = 1e-5;
 /// … and over the cones, in parts of a panel, where it is of higher order still.
 const SEAM: f64 = 1e-6;
 
+/// The part of alpha below which a cosine of wo makes no difference to where G2 misbehaves.
+const FLATTEST: f64 = 1e-7;
+
 /// Further than any y.
 const FAR: f64 = 10.0;
 
@@ -117,7 +120,7 @@ impl View<'_> {
 
     /// How far beyond the horizon G2 stays as it is, in cosines.
     fn margin(&self) -> f64 {
-        self.alpha().min(self.mu.max(1e-3 * self.alpha()))
+        self.alpha().min(self.mu.max(FLATTEST * self.alpha()))
     }
 
     /// ∫ f dβ from 0 to `end`, where a horizon enters or leaves the cones at `seams`, and at `end` something else does.
