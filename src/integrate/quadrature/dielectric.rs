@@ -9,8 +9,10 @@
 //!
 //! So the horizons of wi, wt and h are ends of intervals in χ, and total internal reflection is an end of an interval in β. What
 //! is left is graded for: D's pole at 2By = cos d − 1/√(1 − α²), G2's singularities a little beyond the horizon, and in β the
-//! peak at θ_o and the angles where a horizon enters or leaves the cone. Derived here; checked against GGX's own coordinates, against
-//! the BTDF integrated over directions, and against Monte Carlo.
+//! peak at θ_o; at the angles where a horizon enters or leaves the cone the integrals are analytic in the root of the distance.
+//! What is reflected from the thinner side is integrated in the coordinates of GGX; from the denser side it is what GGX reflects
+//! with F = 1 less what is not totally reflected. Derived here; checked against the reciprocity of the averages, against the BTDF
+//! integrated over directions, and against Monte Carlo.
 
 use super::ggx::{albedo_on, reflection_on};
 use super::{Rung, Sum, Trust, climb_with, near_pole};
