@@ -5,7 +5,8 @@
 //! of constant half-width, whatever w, and Gauss–Legendre converges geometrically with a count of nodes that grows as
 //! ln(1/w) only.
 
-use std::sync::OnceLock;
+use std::f64::consts::LN_2;
+use std::sync::{LazyLock, OnceLock};
 
 /// Nodes and weights on [0, 1].
 #[derive(Debug, Clone, PartialEq)]
@@ -22,11 +23,40 @@ impl Rule {
         self.iter().map(|(x, w)| w * f(x)).sum()
     }
 
+    /// Σ w p(x) and Σ w p(x) f(x) of a density p and `K` functions f: [`LANES`] sums side by side, which processors compute together
+    /// where there are no branches.
+    pub fn moments<const K: usize>(&self, density_and_functions: impl Fn(f64) -> (f64, [f64; K])) -> (f64, [f64; K]) {
+        let (mut whole, mut sums) = ([0.0; LANES], [[0.0; LANES]; K]);
+        let ((nodes, last_nodes), (weights, last_weights)) =
+            (self.nodes.as_chunks::<LANES>(), self.weights.as_chunks::<LANES>());
+        for (nodes, weights) in nodes.iter().zip(weights) {
+            let values = nodes.map(&density_and_functions);
+            for lane in 0..LANES {
+                let weight = weights[lane] * values[lane].0;
+                whole[lane] += weight;
+                for (sum, value) in sums.iter_mut().zip(values[lane].1) {
+                    sum[lane] += weight * value;
+                }
+            }
+        }
+        for (lane, (x, w)) in last_nodes.iter().zip(last_weights).enumerate() {
+            let (density, functions) = density_and_functions(*x);
+            whole[lane] += w * density;
+            for (sum, value) in sums.iter_mut().zip(functions) {
+                sum[lane] += w * density * value;
+            }
+        }
+        (whole.iter().sum(), sums.map(|lanes| lanes.iter().sum()))
+    }
+
     /// The pairs (node, weight).
     pub fn iter(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         self.nodes.iter().copied().zip(self.weights.iter().copied())
     }
 }
+
+/// Sums side by side: enough for the widest registers that a stock build uses, and for its divisions to overlap.
+const LANES: usize = 4;
 
 /// The `n`-point Gauss–Legendre rule on [0, 1].
 ///
@@ -76,6 +106,7 @@ fn legendre(n: usize, x: f64) -> (f64, f64) {
 #[derive(Debug)]
 pub struct GradedRules {
     digits: f64,
+    map: fn(f64) -> (f64, f64),
     rules: Vec<OnceLock<Rule>>,
 }
 
@@ -87,8 +118,12 @@ const LONGEST: f64 = 38.0;
 impl GradedRules {
     /// Rules whose error is about e^(−digits) for an integrand that is analytic in the strip of half-width π/2.
     pub fn new(digits: f64) -> Self {
-        let steps = (LONGEST / LENGTH_STEP) as usize;
-        Self { digits, rules: (0..=steps).map(|_| OnceLock::new()).collect() }
+        Self::mapped(digits, |x| (x, 1.0))
+    }
+
+    /// The same in another variable: `map` gives its value at x, and its derivative or whatever else the weights take.
+    pub fn mapped(digits: f64, map: fn(f64) -> (f64, f64)) -> Self {
+        Self { digits, map, rules: (0..=STEPS).map(|_| OnceLock::new()).collect() }
     }
 
     /// The accuracy that the rules are made for: errors of about e^(−digits).
@@ -98,10 +133,38 @@ impl GradedRules {
 
     /// The rule for singularities at distance `scale` (in parts of the interval) from the end 0.
     pub fn at_scale(&self, scale: f64) -> &Rule {
-        let length = (1.0 / scale).asinh();
-        let step = ((length / LENGTH_STEP).ceil() as usize).clamp(1, self.rules.len() - 1);
-        self.rules[step].get_or_init(|| graded(step as f64 * LENGTH_STEP, self.digits))
+        let step = step_of_scale(scale);
+        self.rules[step].get_or_init(|| {
+            let mut rule = graded(step as f64 * LENGTH_STEP, self.digits);
+            for (x, w) in rule.nodes.iter_mut().zip(&mut rule.weights) {
+                let (value, factor) = (self.map)(*x);
+                (*x, *w) = (value, *w * factor);
+            }
+            rule
+        })
     }
+}
+
+/// Steps of the ladder.
+const STEPS: usize = (LONGEST / LENGTH_STEP) as usize;
+
+/// The smallest step, from 1 on, whose length is asinh(1/scale) at least; the last one for NaN and for all that is smaller.
+fn step_of_scale(scale: f64) -> usize {
+    // sinh of each step's length, ascending: looking it up is cheaper than asinh.
+    static REACH: LazyLock<[f64; STEPS + 1]> =
+        LazyLock::new(|| std::array::from_fn(|step| (step as f64 * LENGTH_STEP).sinh()));
+    let reach = &*REACH;
+    let inverse = (1.0 / scale).max(0.0); // 0 for NaN, too
+    if scale.is_nan() || inverse > reach[STEPS - 1] {
+        return STEPS;
+    }
+    // 1/scale is at least 2^exponent, so that its asinh is at least (exponent + 1) ln 2 above 1, and two doublings from it at most.
+    let exponent = (inverse.to_bits() >> 52) as i64 - 1023;
+    let mut step = if exponent > 0 { ((exponent + 1) as f64 * (LN_2 / LENGTH_STEP)) as usize } else { 1 };
+    while reach[step] < inverse {
+        step += 1;
+    }
+    step
 }
 
 /// x = sinh(length·t)/sinh(length), t by Gauss–Legendre.
@@ -132,6 +195,29 @@ mod tests {
                 let wanted = 1.0 / (degree as f64 + 1.0);
                 assert!((got - wanted).abs() < 2e-15, "n = {n}, degree {degree}: got {got}, wanted {wanted}");
             }
+        }
+    }
+
+    #[test]
+    fn step_of_a_scale_is_the_first_that_is_long_enough() {
+        for i in 0..4000 {
+            let scale = 10.0_f64.powf(2.0 - 0.005 * f64::from(i));
+            let length = (1.0 / scale).asinh();
+            let (got, wanted) = (step_of_scale(scale), ((length / LENGTH_STEP).ceil() as usize).clamp(1, STEPS));
+            assert_eq!(got, wanted, "scale {scale:e}");
+        }
+        for (scale, wanted) in [(0.0, STEPS), (f64::NAN, STEPS), (f64::MIN_POSITIVE, STEPS), (f64::INFINITY, 1)] {
+            assert_eq!(step_of_scale(scale), wanted, "scale {scale:e}");
+        }
+    }
+
+    #[test]
+    fn moments_are_the_sums_one_by_one() {
+        for n in 1..14 {
+            let rule = gauss_legendre(n);
+            let (whole, [mean]) = rule.moments(|x| (x.exp(), [1.0 / (1.0 + x)]));
+            let (p, f) = (rule.integrate(f64::exp), rule.integrate(|x| x.exp() / (1.0 + x)));
+            assert!((whole - p).abs() < 1e-15 && (mean - f).abs() < 1e-15, "n = {n}: {whole} and {p}, {mean} and {f}");
         }
     }
 

@@ -61,6 +61,11 @@ impl Dielectric {
     /// The BTDF, in 1/sr, for `wo` above the surface and `wt` below it; `None` where the masking is one that is made for
     /// reflection, or η is 1 and nothing is refracted.
     pub fn btdf(&self, wo: DVec3, wt: DVec3) -> Option<f64> {
+        if self.eta < 1.0 {
+            // The way back, seen from the thinner side: the same roundings for both make it reciprocal to the last digits.
+            let back = Self { eta: 1.0 / self.eta, ..*self };
+            return Some(back.btdf(-wt, -wo)? * self.eta * self.eta);
+        }
         let h = -(wo + self.eta * wt).try_normalize()?;
         let h = if h.z < 0.0 { -h } else { h };
         let (cosine, cosine_t, mu_t) = (wo.dot(h), -wt.dot(h), -wt.z);
@@ -71,6 +76,37 @@ impl Dielectric {
         let transmitted = transmittance(cosine, cosine_t, self.eta);
         let jacobian = self.eta * self.eta * cosine_t / (cosine - self.eta * cosine_t).powi(2);
         Some(cosine * jacobian * transmitted * masking * self.facets.d(h) / mu_t)
+    }
+
+    /// A direction in which light from `wo` goes on, up or down: `u[0]` and `u[1]` draw a visible facet, which reflects where
+    /// `u[2]` is below its reflectance and else refracts. `None` where that ends on the wrong side.
+    pub fn sample(&self, wo: DVec3, u: [f64; 3]) -> Option<DVec3> {
+        let h = self.facets.sample_visible_normal(wo, [u[0], u[1]])?;
+        let cosine = wo.dot(h).clamp(0.0, 1.0); // outside by rounding only: the normal is visible
+        if u[2] < reflectance(cosine, self.eta) {
+            let wi = reflect(wo, h);
+            return (wi.z > 0.0).then_some(wi);
+        }
+        let wt = -wo / self.eta + (cosine / self.eta - refracted_cosine(cosine, self.eta)?) * h;
+        (wt.z < 0.0).then_some(wt)
+    }
+
+    /// The density with which [`Dielectric::sample`] draws `w`, in 1/sr: for light that goes through Walter's eq. 17 turns the density of
+    /// visible normals into one of directions.
+    pub fn pdf(&self, wo: DVec3, w: DVec3) -> f64 {
+        if w.z > 0.0 {
+            let cosine = (0.5 * (wo + w).length()).min(1.0); // at most 1 but for rounding
+            return self.facets.pdf(wo, w) * reflectance(cosine, self.eta);
+        }
+        let Some(h) = (-(wo + self.eta * w)).try_normalize() else { return 0.0 };
+        let h = if h.z < 0.0 { -h } else { h };
+        let (cosine, cosine_t) = (wo.dot(h), -w.dot(h));
+        if cosine <= 0.0 || cosine_t <= 0.0 {
+            return 0.0;
+        }
+        let visible = 2.0 * cosine * self.facets.d(h) / (wo.z + self.facets.l(wo));
+        let jacobian = self.eta * self.eta * cosine_t / (cosine - self.eta * cosine_t).powi(2);
+        visible * jacobian * transmittance(cosine, cosine_t, self.eta)
     }
 
     /// What one visible normal sends up and down, as parts of what comes in: the integrands of reflectance and transmittance

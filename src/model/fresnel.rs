@@ -46,8 +46,12 @@ pub const MU_82: f64 = 1.0 / 7.0;
 /// GLSL beside Portsmouth, Kutz and Hill 2024 (`FresnelConductorF82`): F = schlick − a μ (1 − μ)⁶, a such that
 /// F(1/7) = f82 · schlick(1/7).
 pub fn f82_tint(f0: f64, f82: f64, mu: f64) -> f64 {
-    let dip = |mu: f64| mu * (1.0 - mu) * schlick_weight(mu);
-    schlick(f0, mu) - (1.0 - f82) * schlick(f0, MU_82) * dip(mu) / dip(MU_82)
+    schlick(f0, mu) - (1.0 - f82) * schlick(f0, MU_82) * f82_dip(mu) / f82_dip(MU_82)
+}
+
+/// mu (1 − mu)⁶, the shape of the dip that [`f82_tint`] takes from Schlick's reflectance; largest at [`MU_82`].
+pub fn f82_dip(mu: f64) -> f64 {
+    mu * (1.0 - mu) * schlick_weight(mu)
 }
 
 /// The amplitudes (r∥, r⊥) at an interface between dielectrics; `None` beyond the critical angle, where all is reflected.

@@ -1,6 +1,7 @@
 //! What a rough interface between two dielectrics reflects and lets through.
 
 use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::specular::TAIL;
 use crate::error::{Error, Result};
 use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
@@ -75,9 +76,6 @@ fn smooth(mu: f64, eta: f64) -> [f64; 3] {
     let f = reflectance(mu, eta);
     [f, 1.0 - f, 1.0]
 }
-
-/// How far inside the region of measure alpha² that the facets lose Monte Carlo resolves; as for GGX.
-const TAIL: f64 = 0.01;
 
 /// `dielectric.reflectance`, `.transmittance` and `.albedo`.
 #[derive(Debug)]

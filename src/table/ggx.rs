@@ -17,7 +17,7 @@ use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::direction_with_cosine;
 use crate::model::Lobe;
-use crate::model::fresnel::schlick_weight;
+use crate::model::fresnel::{f82_dip, schlick_weight};
 use crate::model::ggx::{Ggx, Smith};
 use std::f64::consts::LN_2;
 
@@ -67,21 +67,17 @@ static SPLIT: [Quantity; 4] = [
     },
 ];
 
-/// x (1 − x)⁶, the shape of the dip that the F82 model takes from Schlick's reflectance.
-fn f82_weight(mu: f64) -> f64 {
-    let x = 1.0 - mu;
-    let x2 = x * x;
-    mu * x2 * x2 * x2
-}
-
 /// The largest value of x (1 − x)⁶, at x = 1/7: 6⁶/7⁷.
 const MOST_F82: f64 = 46656.0 / 823_543.0;
 
 /// The Fresnel factors of the four quantities.
 fn factors(mu: f64) -> [f64; 4] {
     let fc = schlick_weight(mu);
-    [1.0 - fc, fc, 1.0, f82_weight(mu)]
+    [1.0 - fc, fc, 1.0, f82_dip(mu)]
 }
+
+/// The tolerance of E and bias, in parts of that of their difference.
+const SHARE: f64 = 2.0;
 
 /// What a perfectly smooth surface reflects.
 fn mirror(mu: f64, smith: Smith) -> [f64; 4] {
@@ -98,11 +94,9 @@ impl Family for Split {
         if alpha == 0.0 {
             return Ok(mirror(mu, model.smith).map(|v| Estimate::bound(v, f64::EPSILON)).into());
         }
-        let [scale, bias, f82] = quadrature::ggx_reflection(mu, alpha, model.smith, tolerance, |cosine| {
-            let fc = schlick_weight(cosine);
-            [1.0 - fc, fc, f82_weight(cosine)]
-        });
-        Ok(vec![scale, bias, quadrature::ggx_albedo(mu, alpha, model.smith, tolerance), f82])
+        let [e, bias, f82] = quadrature::ggx_split(mu, alpha, model.smith, tolerance / SHARE);
+        let scale = Estimate::bound(e.value - bias.value, e.error + bias.error);
+        Ok(vec![scale, bias, e, f82])
     }
 
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {

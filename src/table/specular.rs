@@ -46,9 +46,8 @@ impl Specular {
         if self.alpha == 0.0 {
             return self.mirror(Estimate::bound);
         }
-        let [bias] =
-            quadrature::ggx_reflection(self.mu, self.alpha, self.smith, tolerance, |cosine| [schlick_weight(cosine)]);
-        [bias, quadrature::ggx_albedo(self.mu, self.alpha, self.smith, tolerance)]
+        let [e, bias, _] = quadrature::ggx_split(self.mu, self.alpha, self.smith, tolerance);
+        [bias, e]
     }
 
     /// Bias and E by Monte Carlo.

@@ -9,12 +9,15 @@
 //!
 //! So the horizons of wi, wt and h are ends of intervals in χ, and total internal reflection is an end of an interval in β. What
 //! is left is graded for: D's pole at 2By = cos d − 1/√(1 − α²), G2's singularities a little beyond the horizon, and in β the
-//! peak at θ_o and the angles where a horizon enters or leaves the cone. Derived here; checked against GGX's own coordinates, against
-//! the BTDF integrated over directions, and against Monte Carlo.
+//! peak at θ_o; at the angles where a horizon enters or leaves the cone the integrals are analytic in the root of the distance.
+//! What is reflected from the thinner side is integrated in the coordinates of GGX; from the denser side it is what GGX reflects
+//! with F = 1 less what is not totally reflected. Derived here; checked against the reciprocity of the averages, against the BTDF
+//! integrated over directions, and against Monte Carlo.
 
-use super::{Rung, Sum, climb_carefully};
+use super::ggx::{albedo_on, reflection_on};
+use super::{Rung, Sum, Trust, climb_with, near_pole};
 use crate::integrate::Estimate;
-use crate::math::frame::elevation;
+use crate::math::frame::{direction_with_cosine, elevation};
 use crate::model::dielectric::{Dielectric, reflectance, refracted_cosine, transmittance};
 use crate::model::smith::Smith;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -23,13 +26,14 @@ use std::f64::consts::{FRAC_PI_2, PI};
 ///
 /// `mu` in [0, 1]; facets of equal width in all directions, in (0, 1], with a masking that light can go through.
 pub fn dielectric_scattering(mu: f64, interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
-    climb_carefully(SAFETY, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect: 0.0 })
+    let defect = ANGLE / mu.hypot(interface.facets.alpha_x);
+    climb_with(TRUST, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect })
 }
 
 /// The same averaged over the hemisphere: 2 ∫ … mu dmu.
 pub fn dielectric_scattering_average(interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
     let critical = (1.0 - interface.eta * interface.eta).max(0.0).sqrt();
-    climb_carefully(SAFETY, tolerance, |rung| {
+    climb_with(TRUST, tolerance, |rung| {
         let mut sum = [0.0; 2];
         for (low, high) in [(0.0, critical), (critical, 1.0)] {
             let half = 0.5 * (high - low);
@@ -51,15 +55,20 @@ fn with_sum([up, down]: [f64; 2]) -> [f64; 3] {
 
 /// What the difference of two rungs is multiplied with to be a bound: more than elsewhere, since the singularities beyond the
 /// horizons lie on the real axis, where a graded rule converges more slowly than its name says.
-const SAFETY: f64 = 20.0;
+const TRUST: Trust = Trust { safety: 20.0, lead: 4.0 };
+/// Rounding of an angle near π/2, in parts of what the factor of safety makes of it: at grazing angles the integrals vary over
+/// angles of the size of mu and alpha.
+const ANGLE: f64 = 0.25 * f64::EPSILON;
 /// How far below alpha the average must resolve the horizon and the critical angle.
 const AVERAGE_SCALE: f64 = 1e-4;
-/// How near the angles where a horizon enters a cone, or total reflection sets in, the integrand must be resolved: what is left
-/// there is of order 3/2.
-const SEAM: f64 = 1e-8;
-
-/// How near a branch point of second order must be resolved, in cosines.
+/// How near its branch point, of second order or nearly, the Beta function must be resolved where it is at the horizon itself: in
+/// cosines within a cone …
 const BRANCH: f64 = 1e-5;
+/// … and over the cones, in parts of a panel, where it is of higher order still.
+const SEAM: f64 = 1e-6;
+
+/// The part of alpha below which a cosine of wo makes no difference to where G2 misbehaves.
+const FLATTEST: f64 = 1e-7;
 
 /// Further than any y.
 const FAR: f64 = 10.0;
@@ -68,60 +77,43 @@ const FAR: f64 = 10.0;
 struct Cone {
     cos: f64,
     sin: f64,
-    /// β − θ_o, exact near the peak.
-    d: f64,
+    /// Of d = β − θ_o, exact near the peak.
+    sin_d: f64,
+    cos_d: f64,
+    /// 1 − cos d.
+    nearest: f64,
+    /// B = sinθ_o sinβ.
+    b: f64,
 }
 
 fn scattering_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 2] {
-    let (e_o, eta) = (elevation(mu), interface.eta);
-    let theta_o = FRAC_PI_2 - e_o;
-    let view = View { mu, sin: e_o.cos(), interface, rung };
-    let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
-    let enters = 0.5 * e_o;
-    let up = over_cones(
-        &[0.0, enters, theta_o, critical.min(enters + theta_o), enters + theta_o],
-        &view,
-        |cone, rule_weight| view.reflected(cone, theta_o) * rule_weight,
-    );
+    let (e_o, eta, facets) = (elevation(mu), interface.eta, &interface.facets);
+    let (alpha, smith) = (facets.alpha_x, facets.smith);
+    let view = View { mu, l: facets.l(direction_with_cosine(mu)), theta_o: FRAC_PI_2 - e_o, interface, rung };
+    let up = if eta >= 1.0 {
+        // Fresnel's root is at (wo·h)² = 1 − η², further from the circle than where wo·h has its own.
+        reflection_on(mu, alpha, smith, rung, |cosine| [reflectance(cosine, eta)]).values[0]
+    } else {
+        // What total reflection returns is all but what it does not.
+        let highest = 0.5 * e_o + view.theta_o;
+        let lost = view.over_cones(&[0.5 * e_o, highest], eta.asin().min(highest), |cone| view.lost(cone));
+        albedo_on(mu, alpha, smith, &rung.rules).values[0] - lost
+    };
     // Where the refracted ray of the facets towards the surface grazes it from below: β_t − β = π/2 − θ_o.
-    let grazes = if eta < 1.0 { (e_o.sin()).atan2(1.0 / eta - e_o.cos()) } else { e_o };
-    let down = over_cones(&[0.0, e_o, theta_o, grazes, critical], &view, |cone, rule_weight| {
-        if cone.sin >= eta { 0.0 } else { view.transmitted(cone) * rule_weight }
-    });
-    [up, down]
-}
-
-/// ∫ dβ over intervals between `seams`, each graded towards both ends.
-fn over_cones(seams: &[f64], view: &View, f: impl Fn(&Cone, f64) -> f64) -> f64 {
-    let mut seams = seams.to_vec();
-    let end = seams[seams.len() - 1];
-    seams.retain(|s| *s <= end);
-    seams.sort_by(f64::total_cmp);
-    let theta_o = FRAC_PI_2 - elevation(view.mu);
-    let width = 0.5 * view.interface.facets.alpha_x;
-    let mut sum = 0.0;
-    for pair in seams.windows(2) {
-        let half = 0.5 * (pair[1] - pair[0]);
-        if half <= 0.0 {
-            continue;
-        }
-        for (from, sign) in [(pair[0], 1.0), (pair[1], -1.0)] {
-            let scale = if from == 0.0 { width } else { SEAM.min(width) };
-            for (x, w) in view.rung.doubled.at_scale(scale / half).iter() {
-                let t = sign * x * half;
-                let beta = from + t;
-                let d = if from == theta_o { t } else { beta - theta_o };
-                sum += f(&Cone { cos: beta.cos(), sin: beta.sin(), d }, w * half);
-            }
-        }
+    let grazes = if eta < 1.0 { e_o.sin().atan2(1.0 / eta - e_o.cos()) } else { e_o };
+    let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
+    if mu == 0.0 && eta < 1.0 {
+        return [up, 0.0]; // what refracts from along the surface, on the denser side, is bent up from it
     }
-    sum
+    let down = view.over_cones(&[e_o, grazes], critical, |cone| view.transmitted(cone));
+    [up, down]
 }
 
 /// The direction wo and what it looks at.
 struct View<'a> {
     mu: f64,
-    sin: f64,
+    l: f64,
+    theta_o: f64,
     interface: &'a Dielectric,
     rung: &'a Rung,
 }
@@ -131,88 +123,162 @@ impl View<'_> {
         self.interface.facets.alpha_x
     }
 
-    fn l(&self, mu: f64) -> f64 {
-        (self.alpha().powi(2) * (1.0 - mu) * (1.0 + mu) + mu * mu).sqrt()
-    }
-
     /// How far beyond the horizon G2 stays as it is, in cosines.
     fn margin(&self) -> f64 {
-        self.alpha().min(self.mu.max(1e-3 * self.alpha()))
+        self.alpha().min(self.mu.max(FLATTEST * self.alpha()))
     }
 
-    /// ∫ F D (wo·h) G2/μo dχ sinβ over the cone.
-    fn reflected(&self, cone: &Cone, theta_o: f64) -> f64 {
+    /// ∫ f dβ from 0 to `end`, where a horizon enters or leaves the cones at `seams`, and at `end` something else does.
+    ///
+    /// What enters is a part of the circle whose width grows as a root: f is analytic in the root of the distance, and
+    /// β = seam ± length·t² undoes it. At θ_o the facets' peak is. Every rule is graded to what is nearest beyond its own end: the
+    /// peak's poles, at θ_o ± i α or so, and other seams.
+    fn over_cones(&self, seams: &[f64], end: f64, f: impl Fn(&Cone) -> f64) -> f64 {
+        let mut ends = vec![(0.0, false), (self.theta_o, false), (end, true)];
+        ends.extend(seams.iter().map(|s| (*s, true)));
+        ends.retain(|e| e.0 <= end);
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ends.dedup_by(|b, a| {
+            let same = a.0 == b.0;
+            a.1 |= same && b.1;
+            same
+        });
+        let width = 0.5 * self.alpha();
+        let smallest = if self.interface.facets.smith == Smith::Beta { SEAM } else { 0.0 };
+        let mut sum = 0.0;
+        for (i, panel) in ends.windows(2).enumerate() {
+            let half = 0.5 * (panel[1].0 - panel[0].0);
+            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { FAR };
+            let after = ends.get(i + 2).map_or(FAR, |e| e.0 - panel[1].0);
+            for ((from, root), sign, beyond) in [(panel[0], 1.0, before), (panel[1], -1.0, after)] {
+                let near = width.hypot(from - self.theta_o).min(beyond).min(0.5 * self.margin()) / half;
+                let scale = if root { near.sqrt().max(smallest) } else { near };
+                for (x, w) in self.rung.doubled.at_scale(scale).iter() {
+                    let (t, weight) = if root { (x * x, 2.0 * x * w) } else { (x, w) };
+                    let t = sign * t * half;
+                    let beta = from + t;
+                    let d = if from == self.theta_o { t } else { beta - self.theta_o };
+                    let (sin, cos) = beta.sin_cos();
+                    let (sin_d, cos_d) = d.sin_cos();
+                    let b = (1.0 - self.mu * self.mu).max(0.0).sqrt() * sin;
+                    sum +=
+                        half * weight * f(&Cone { cos, sin, sin_d, cos_d, nearest: 2.0 * (0.5 * d).sin().powi(2), b });
+                }
+            }
+        }
+        sum
+    }
+
+    /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, of light that would be reflected: what total reflection has and this has not.
+    fn lost(&self, cone: &Cone) -> f64 {
+        let Some(cos_t) = refracted_cosine(cone.cos, self.interface.eta) else { return 0.0 };
+        // cos(β + d)
+        let highest = cone.cos * cone.cos_d - cone.sin * cone.sin_d;
+        let slope = 4.0 * cone.b * cone.cos;
         let facets = &self.interface.facets;
-        let (b, highest, o) = (self.sin * cone.sin, (2.0 * cone.d + theta_o).cos(), (self.mu, self.l(self.mu)));
-        let slope = 4.0 * b * cone.cos;
-        let (last, beyond) = (highest / slope, (highest + self.margin()) / slope);
-        let f = reflectance(cone.cos, self.interface.eta);
-        f * self.over_azimuth(cone, b, (0.0, 0.0), (last, beyond), |y| {
-            let mu_i = (highest - slope * y).max(0.0); // below 0 by rounding only
-            4.0 * mu_i * facets.smith.visibility(self.alpha(), o, (mu_i, self.l(mu_i)))
-        })
-    }
-
-    /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, which must not reflect all.
-    fn transmitted(&self, cone: &Cone) -> f64 {
-        let eta = self.interface.eta;
-        let Some(cos_t) = refracted_cosine(cone.cos, eta) else { return 0.0 };
-        let (b, o) = (self.sin * cone.sin, (self.mu, self.l(self.mu)));
-        let k = cone.cos / eta - cos_t;
-        // cos(β_t − d)
-        let first = cos_t * cone.d.cos() + cone.sin / eta * cone.d.sin();
-        let slope = 2.0 * k * b;
-        let facing = cone.d.cos() / (2.0 * b);
-        // The Beta function has a branch point at the horizon itself, of second order or nearly.
-        let margin = if self.interface.facets.smith == Smith::Beta { BRANCH } else { self.margin() };
-        // From the denser side the horizon of wt cuts off the facets near the surface's normal, else those far from it.
-        let (start, end) = if k > 0.0 {
-            ((-first / slope, -(first + margin) / slope), (facing, 2.0 * facing + 1.0))
-        } else {
-            ((0.0, 0.0), (facing, (first + margin) / slope.abs()))
-        };
-        let smith = self.interface.facets.smith;
-        transmittance(cone.cos, cos_t, eta)
-            * self.over_azimuth(cone, b, start, end, |y| {
-                let mu_t = (first + slope * y).clamp(0.0, 1.0); // outside by rounding only
-                smith.through(o, (mu_t, self.l(mu_t))).unwrap_or(0.0)
+        transmittance(cone.cos, cos_t, self.interface.eta)
+            * self.over_azimuth(cone, (0.0, FAR), (highest / slope, self.margin() / slope), |y| {
+                let mu_i = (highest - slope * y).max(0.0); // below 0 by rounding only
+                4.0 * mu_i * facets.smith.visibility(self.alpha(), (self.mu, self.l), (mu_i, self.l_of(mu_i)))
             })
     }
 
+    /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, of light that goes through.
+    fn transmitted(&self, cone: &Cone) -> f64 {
+        let eta = self.interface.eta;
+        let Some(cos_t) = refracted_cosine(cone.cos, eta) else { return 0.0 };
+        let k = cone.cos / eta - cos_t;
+        // cos(β_t − d)
+        let first = cos_t * cone.cos_d + cone.sin / eta * cone.sin_d;
+        let slope = 2.0 * k * cone.b;
+        let facing = cone.cos_d / (2.0 * cone.b);
+        let smith = self.interface.facets.smith;
+        // The Beta function has a branch point at the horizon itself, of second order or nearly.
+        let margin = if smith == Smith::Beta { BRANCH } else { self.margin() };
+        // From the denser side the horizon of wt cuts off the facets near the surface's normal, else those far from it.
+        let (start, end) = if k > 0.0 {
+            ((-first / slope, margin / slope), (facing, facing + 1.0))
+        } else {
+            ((0.0, FAR), (facing, (first + margin) / slope.abs() - facing))
+        };
+        let cosine = |y: f64| (first + slope * y).clamp(0.0, 1.0); // outside by rounding only
+        let (mu, l) = (self.mu, self.l);
+        let through = match smith {
+            Smith::Correlated => self.over_azimuth(cone, start, end, |y| {
+                let mu_t = cosine(y);
+                2.0 * mu_t / (mu_t * l + mu * self.l_of(mu_t))
+            }),
+            Smith::Separable => self.over_azimuth(cone, start, end, |y| {
+                let mu_t = cosine(y);
+                4.0 * mu_t / ((mu + l) * (mu_t + self.l_of(mu_t)))
+            }),
+            other => self.over_azimuth(cone, start, end, |y| {
+                let mu_t = cosine(y);
+                other.through((mu, l), (mu_t, self.l_of(mu_t))).unwrap_or(0.0)
+            }),
+        };
+        transmittance(cone.cos, cos_t, eta) * through
+    }
+
+    fn l_of(&self, mu: f64) -> f64 {
+        (self.alpha() * self.alpha() * (1.0 - mu) * (1.0 + mu) + mu * mu).sqrt()
+    }
+
     /// 2 sinβ cosβ ∫ D g(y) dχ over the part of the half circle where y is between the first of `start` and the first of `end`; the
-    /// second of each is where g would misbehave.
-    fn over_azimuth(&self, cone: &Cone, b: f64, start: (f64, f64), end: (f64, f64), g: impl Fn(f64) -> f64) -> f64 {
+    /// second of each is how far beyond g would misbehave.
+    ///
+    /// In τ = tan(χ/4), which makes y = (2τ/(1 + τ²))² rational and keeps D's pole on the imaginary axis.
+    fn over_azimuth(&self, cone: &Cone, start: (f64, f64), end: (f64, f64), g: impl Fn(f64) -> f64) -> f64 {
         let (low, high) = (start.0.clamp(0.0, 1.0), end.0.min(1.0));
         // A NaN here is 0/0: a cone without extent.
         if low.is_nan() || high.is_nan() || high <= low {
             return 0.0;
         }
-        let alpha2 = self.alpha().powi(2);
-        let root = (1.0 - alpha2).max(0.0).sqrt();
-        let sin_half = (0.5 * cone.d).sin();
-        let nearest = 2.0 * sin_half * sin_half; // 1 − cos d
-        let pole = (alpha2 / (root * (1.0 + root)) + nearest) / (2.0 * b);
-        let angle = |y: f64| 2.0 * y.sqrt().min(1.0).asin();
-        let (from, to) = (angle(low), angle(high));
-        let half = 0.5 * (to - from);
-        let peak = (2.0 * pole.sqrt().asinh()).max(from);
-        let at_start = if low > 0.0 { peak.min(distance(low, low - start.1)) } else { peak };
-        let at_end = distance(high, end.1 - high);
-        let mut sum = 0.0;
-        for (origin, sign, scale) in [(from, 1.0, at_start), (to, -1.0, at_end)] {
-            for (x, w) in self.rung.rules.at_scale(scale / half).iter() {
-                let y = (0.5 * (origin + sign * x * half)).sin().powi(2);
-                let s = nearest + 2.0 * b * y; // 1 − h_z
-                let r = alpha2 + (1.0 - alpha2) * s * (2.0 - s);
-                sum += w * g(y) / (r * r);
+        let alpha2 = self.alpha() * self.alpha();
+        let (rest, nearest, rise) = (1.0 - alpha2, cone.nearest, 2.0 * cone.b);
+        let integrand = |y: f64| {
+            let s = nearest + rise * y; // 1 − h_z
+            let r = alpha2 + rest * s * (2.0 - s);
+            g(y) / (r * r)
+        };
+        let root = rest.max(0.0).sqrt();
+        let pole = near_pole(rise / (alpha2 / (root * (1.0 + root)) + nearest));
+        let beyond_end = distance(high, end.1 + (end.0 - high));
+        let sum = if low == 0.0 && high == 1.0 && beyond_end > CLEAR {
+            self.rung.circle.at_scale(pole).moments::<0>(|y| (integrand(y), [])).0
+        } else {
+            let (from, to) = (quarter_tangent_of(low), quarter_tangent_of(high));
+            let half = 0.5 * (to - from);
+            let peak = pole.max(from);
+            let at_start = if low > 0.0 { peak.min(distance(low, start.1)) } else { peak };
+            let mut sum = 0.0;
+            for (origin, step, scale) in [(from, half, at_start), (to, -half, beyond_end)] {
+                let (part, []) = self.rung.rules.at_scale(scale / half).moments(|x| {
+                    let tau = origin + step * x;
+                    let q = 1.0 / (1.0 + tau * tau);
+                    let y = 4.0 * tau * tau * q * q;
+                    (4.0 * q * integrand(y), [])
+                });
+                sum += half * part;
             }
-        }
-        2.0 * cone.sin * cone.cos * half * alpha2 / PI * sum
+            sum
+        };
+        2.0 * cone.sin * cone.cos * alpha2 / PI * sum
     }
 }
 
-/// The distance in χ that `beyond` in y is from y = sin²(χ/2): dχ = dy/√(y (1 − y)) where that is not too far.
+/// tan(χ/4) where y = sin²(χ/2).
+fn quarter_tangent_of(y: f64) -> f64 {
+    y.sqrt() / (1.0 + (1.0 - y).max(0.0).sqrt())
+}
+
+/// How far beyond the end of a whole circle, in τ, a singularity needs no rule of its own.
+const CLEAR: f64 = 0.5;
+
+/// The distance in τ = tan(χ/4) that `beyond` in y is from y = sin²(χ/2): dχ = dy/√(y (1 − y)) where that is not too far, and
+/// dτ = (1 + τ²)/4 dχ.
 fn distance(y: f64, beyond: f64) -> f64 {
     let beyond = beyond.clamp(0.0, FAR);
-    beyond / (y * (1.0 - y) + beyond).sqrt().max(f64::MIN_POSITIVE)
+    let tau = quarter_tangent_of(y);
+    0.25 * (1.0 + tau * tau) * beyond / (y * (1.0 - y) + beyond).sqrt().max(f64::MIN_POSITIVE)
 }

@@ -18,10 +18,11 @@
 //!
 //! With F = 1 the azimuth integral is closed form. Derived here; checked against the closed forms at alpha = 1 and against Monte Carlo.
 
-use super::{Rung, Sum, climb};
+use super::{HalfAngle, Rung, Sum, climb, near_pole};
 use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
 use crate::math::quadrature::{GradedRules, Rule};
+use crate::model::fresnel::{f82_dip, schlick_weight};
 use crate::model::ggx::Smith;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -35,7 +36,30 @@ pub fn ggx_reflection<const K: usize>(
     tolerance: f64,
     fresnel: impl Fn(f64) -> [f64; K],
 ) -> [Estimate; K] {
-    climb(tolerance, |Rung { rules, .. }| over_elevation(mu, alpha, smith, rules, |at| azimuth(&at, rules, &fresnel)))
+    climb(tolerance, |rung| reflection_on(mu, alpha, smith, rung, &fresnel))
+}
+
+/// [`ggx_reflection`] by one rung of the ladder.
+pub(super) fn reflection_on<const K: usize>(
+    mu: f64,
+    alpha: f64,
+    smith: Smith,
+    rung: &Rung,
+    fresnel: impl Fn(f64) -> [f64; K],
+) -> Sum<K> {
+    over_elevation(mu, alpha, smith, &rung.rules, |at| azimuth(&at, rung, &fresnel))
+}
+
+/// The integrals of the split sum, which share their elevations: with F = 1, with Schlick's weight (1 − wo·h)⁵, and with the shape
+/// of the dip that the F82 tint takes.
+pub fn ggx_split(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> [Estimate; 3] {
+    climb(tolerance, |rung| {
+        over_elevation(mu, alpha, smith, &rung.rules, |at| {
+            let weights = |cosine| [schlick_weight(cosine), f82_dip(cosine)];
+            let Sum { values: [schlick, dip], defect } = azimuth(&at, rung, weights);
+            Sum { values: [azimuth_closed_form(&at), schlick, dip], defect }
+        })
+    })
 }
 
 /// The same with F = 1: the directional albedo, whose azimuth integral is closed form.
@@ -56,7 +80,7 @@ pub fn ggx_albedo_average(alpha: f64, smith: Smith, tolerance: f64) -> Estimate 
 /// How far below alpha the average must resolve E: the non-analytic part of mu·E at mu = 0 is of third order.
 const AVERAGE_SCALE: f64 = 1e-4;
 
-fn albedo_on(mu: f64, alpha: f64, smith: Smith, rules: &GradedRules) -> Sum<1> {
+pub(super) fn albedo_on(mu: f64, alpha: f64, smith: Smith, rules: &GradedRules) -> Sum<1> {
     over_elevation(mu, alpha, smith, rules, |at| Sum { values: [azimuth_closed_form(&at)], defect: 0.0 })
 }
 
@@ -80,31 +104,25 @@ fn over_elevation<const K: usize>(
 ) -> Sum<K> {
     let e_o = elevation(mu);
     let (sin_o, cos_o) = (mu, sine_of_cosine(mu));
-    let ell = |mu: f64| (alpha * alpha * (1.0 - mu) * (1.0 + mu) + mu * mu).sqrt();
-    let l_o = ell(mu);
+    let l_o = (alpha * alpha * cos_o * cos_o + mu * mu).sqrt();
     // asinh(α/√(1−α²)) = atanh(α), infinite at α = 1, where no pole is left.
     let width = alpha.atanh().min(FAR);
     let pole = smith.pole_below_horizon(alpha, mu);
     let mut sum = Sum { values: [0.0; K], defect: 0.0 };
-    // d = e_i − e_o is passed beside e_i: one of the two is the node itself and therefore exact.
-    let mut add = |e_i: f64, d: f64, weight: f64| {
-        let (mu_i, cos_i) = e_i.sin_cos();
-        let (sin_d, cos_d) = (0.5 * d).sin_cos();
-        let c = sin_o * cos_d + cos_o * sin_d; // sin(e_o + d/2)
-        let c2 = c * c;
-        let m = 4.0 * c2 * (sin_d * sin_d + alpha * alpha * cos_d * cos_d);
-        let ring = ring(Ring { c2, b: cos_o * cos_i, m });
-        let v = smith.visibility(alpha, (mu, l_o), (mu_i, ell(mu_i)));
-        let weight = weight * v * mu_i * cos_i * alpha * alpha / PI;
-        for k in 0..K {
-            sum.values[k] += weight * ring.values[k];
-        }
-        sum.defect += weight * ring.defect;
-    };
-    let mut panel = |rule: &Rule, length: f64, place: &dyn Fn(f64) -> (f64, f64)| {
+    // One sine and one cosine per node, of half the distance t from the end of its panel: everything else follows by addition
+    // theorems, in which nothing cancels by more than half.
+    let mut panel = |rule: &Rule, length: f64, place: &dyn Fn(HalfAngle) -> Place| {
         for (x, w) in rule.iter() {
-            let (e_i, d) = place(x * length);
-            add(e_i, d, w * length);
+            let Place { mu_i, cos_i, c, sin_d, cos_d } = place(HalfAngle::of(x * length));
+            let c2 = c * c;
+            let m = 4.0 * c2 * (sin_d * sin_d + alpha * alpha * cos_d * cos_d);
+            let ring = ring(Ring { c2, b: cos_o * cos_i, m });
+            let l_i = (alpha * alpha * cos_i * cos_i + mu_i * mu_i).sqrt();
+            let weight = w * length * smith.visibility(alpha, (mu, l_o), (mu_i, l_i)) * mu_i * cos_i;
+            for k in 0..K {
+                sum.values[k] += weight * ring.values[k];
+            }
+            sum.defect += weight * ring.defect;
         }
     };
     // From the peak up to the zenith.
@@ -112,15 +130,44 @@ fn over_elevation<const K: usize>(
     if above > 0.0 {
         // Beside the peak's own poles stands that of G2 at −e_o, which becomes a branch point of the whole when e_o is 0.
         let nearest = (2.0 * width).min((2.0 * e_o).max(BRANCH * width.min(1.0))).min(e_o + pole);
-        panel(rules.at_scale(nearest / above), above, &|t| (e_o + t, t));
+        panel(rules.at_scale(nearest / above), above, &|t| Place {
+            mu_i: sin_o * t.cos() + cos_o * t.sin(),
+            cos_i: (cos_o * t.cos() - sin_o * t.sin()).max(0.0), // below 0 by rounding only, at the zenith
+            c: sin_o * t.cos_half + cos_o * t.sin_half,
+            sin_d: t.sin_half,
+            cos_d: t.cos_half,
+        });
     }
     // From the peak halfway down to the horizon, and from the horizon halfway up to the peak.
     let half = 0.5 * e_o;
     if half > 0.0 {
-        panel(rules.at_scale(2.0 * width / half), half, &|t| (e_o - t, -t));
-        panel(rules.at_scale(width.min(e_o).min(pole) / half), half, &|t| (t, t - e_o));
+        panel(rules.at_scale(2.0 * width / half), half, &|t| Place {
+            mu_i: sin_o * t.cos() - cos_o * t.sin(),
+            cos_i: cos_o * t.cos() + sin_o * t.sin(),
+            c: sin_o * t.cos_half - cos_o * t.sin_half,
+            sin_d: -t.sin_half,
+            cos_d: t.cos_half,
+        });
+        let (sin_half, cos_half) = half.sin_cos();
+        panel(rules.at_scale(width.min(e_o).min(pole) / half), half, &|t| Place {
+            mu_i: t.sin(),
+            cos_i: t.cos(),
+            c: sin_half * t.cos_half + cos_half * t.sin_half,
+            sin_d: cos_half * t.sin_half - sin_half * t.cos_half,
+            cos_d: cos_half * t.cos_half + sin_half * t.sin_half,
+        });
     }
-    sum
+    let factor = alpha * alpha / PI;
+    Sum { values: sum.values.map(|v| factor * v), defect: factor * sum.defect }
+}
+
+/// Where one elevation of the incident direction is: its sine and cosine, C, and the sine and cosine of δ.
+struct Place {
+    mu_i: f64,
+    cos_i: f64,
+    c: f64,
+    sin_d: f64,
+    cos_d: f64,
 }
 
 /// How far below the width a branch point of second order at the horizon itself must be resolved, for its third power to vanish.
@@ -130,25 +177,15 @@ const BRANCH: f64 = 1e-7;
 const FAR: f64 = 10.0;
 
 /// ∫ r² F dφ over the full circle, by a rule in τ = tan(ψ/4) that is graded to the pole of r.
-fn azimuth<const K: usize>(at: &Ring, rules: &GradedRules, fresnel: impl Fn(f64) -> [f64; K]) -> Sum<K> {
-    let rho = (4.0 * at.b / at.m).sqrt();
-    let rule = rules.at_scale(1.0 / (rho + (rho * rho + 1.0).sqrt()));
-    let (mut values, mut plain) = ([0.0; K], 0.0);
-    for (tau, w) in rule.iter() {
-        let t2 = tau * tau;
-        let q = 1.0 / (1.0 + t2);
-        let by = at.b * 4.0 * t2 * q * q;
+fn azimuth<const K: usize>(at: &Ring, rung: &Rung, fresnel: impl Fn(f64) -> [f64; K]) -> Sum<K> {
+    let (plain, values) = rung.circle.at_scale(near_pole(4.0 * at.b / at.m)).moments(|y| {
+        let by = at.b * y;
         let cosine2 = at.c2 + by;
         let r = 4.0 * cosine2 / (at.m + 4.0 * by);
-        let weight = w * q * r * r;
-        let f = fresnel(cosine2.sqrt());
-        for k in 0..K {
-            values[k] += weight * f[k];
-        }
-        plain += weight;
-    }
-    // dψ = 4 dτ/(1 + τ²), and both halves of the circle
-    Sum { values: values.map(|v| 8.0 * v), defect: (8.0 * plain - azimuth_closed_form(at)).abs() }
+        (r * r, fresnel(cosine2.sqrt()))
+    });
+    // Both halves of the circle.
+    Sum { values: values.map(|v| 2.0 * v), defect: (2.0 * plain - azimuth_closed_form(at)).abs() }
 }
 
 /// ∫ r² dφ over the full circle: r = 1 + q/(m + 4by) with q = 4C² − m, and the integrals of 1/(m + 4by) and of its square are

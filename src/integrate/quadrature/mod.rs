@@ -8,7 +8,7 @@ mod ggx;
 pub use beckmann::{beckmann_albedo_average, beckmann_reflection};
 pub use charlie::{charlie_albedo, charlie_albedo_average};
 pub use dielectric::{dielectric_scattering, dielectric_scattering_average};
-pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection};
+pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection, ggx_split};
 
 use super::Estimate;
 use crate::math::quadrature::GradedRules;
@@ -20,6 +20,42 @@ struct Rung {
     rules: GradedRules,
     /// For Gaussians and their like, which grow beyond the middle half of that strip: twice the digits make up for half the strip.
     doubled: GradedRules,
+    /// Over half a circle, ∫ f(y) dψ from 0 to π with y = sin²(ψ/2), for integrands with a pole at negative y: see [`near_pole`].
+    circle: GradedRules,
+}
+
+/// The scale of [`Rung::circle`] for a pole at y = −1/`ratio`: τ = tan(ψ/4) keeps it on the imaginary axis, at
+/// w = 1/(ρ + √(ρ² + 1)) with ρ² = `ratio`.
+fn near_pole(ratio: f64) -> f64 {
+    1.0 / (ratio.sqrt() + (ratio + 1.0).sqrt())
+}
+
+/// y and dψ/dτ at τ = tan(ψ/4).
+fn quarter_tangent(tau: f64) -> (f64, f64) {
+    let q = 1.0 / (1.0 + tau * tau);
+    (4.0 * tau * tau * q * q, 4.0 * q)
+}
+
+/// An angle by the sine and cosine of its half: exact where it is small, and cheap.
+#[derive(Clone, Copy)]
+struct HalfAngle {
+    sin_half: f64,
+    cos_half: f64,
+}
+
+impl HalfAngle {
+    fn of(angle: f64) -> Self {
+        let (sin_half, cos_half) = (0.5 * angle).sin_cos();
+        Self { sin_half, cos_half }
+    }
+
+    fn sin(self) -> f64 {
+        2.0 * self.sin_half * self.cos_half
+    }
+
+    fn cos(self) -> f64 {
+        (self.cos_half - self.sin_half) * (self.cos_half + self.sin_half)
+    }
 }
 
 /// Accuracies, coarse to fine: each is computed when first used.
@@ -27,34 +63,52 @@ static LADDER: LazyLock<Vec<Rung>> = LazyLock::new(|| [9.0, 14.0, 19.0, 25.0, 32
 
 impl Rung {
     fn new(digits: f64) -> Self {
-        Self { rules: GradedRules::new(digits), doubled: GradedRules::new(2.0 * digits) }
+        Self {
+            rules: GradedRules::new(digits),
+            doubled: GradedRules::new(2.0 * digits),
+            circle: GradedRules::mapped(digits, quarter_tangent),
+        }
     }
 }
 
-/// The rung from which to start for a tolerance; the next one confirms it.
-fn first_rung(tolerance: f64) -> usize {
-    let digits = -tolerance.ln();
-    // The rules promise e^(−digits) for an integrand of height 1; measured on GGX, a rung is that good or better.
-    LADDER.iter().position(|r| r.rules.digits() >= digits - 4.0).unwrap_or(LADDER.len() - 2).min(LADDER.len() - 2)
+/// What is known of an integral's convergence before it is computed.
+struct Trust {
+    /// What the indicators of error are multiplied with to be a bound; tests scan the whole domain for values that break it.
+    safety: f64,
+    /// By how many powers of e a rung is better than the e^(−digits) that it is named after.
+    lead: f64,
+}
+
+impl Trust {
+    /// The rules promise e^(−digits) for an integrand of height 1; measured on GGX, a rung is that much better.
+    const USUAL: Self = Self { safety: 4.0, lead: 4.0 };
+
+    /// The rung from which to start for a tolerance; the next one confirms it.
+    fn first_rung(&self, tolerance: f64) -> usize {
+        let digits = -tolerance.ln() - self.lead;
+        LADDER.iter().position(|r| r.rules.digits() >= digits).unwrap_or(LADDER.len()).min(LADDER.len() - 2)
+    }
 }
 
 /// Climbs the ladder until two neighbouring rungs agree to `tolerance`: the finer value, with their difference as its bound.
 ///
 /// Convergence is geometric, so the finer value is far better than the difference; rounding adds its own floor.
 fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
-    climb_carefully(SAFETY, tolerance, integral)
+    climb_with(Trust::USUAL, tolerance, integral)
 }
 
-/// The same with its own factor of safety.
-fn climb_carefully<const K: usize>(safety: f64, tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
-    let first = first_rung(tolerance);
+/// The same with its own trust.
+fn climb_with<const K: usize>(trust: Trust, tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
+    let Trust { safety, .. } = trust;
+    let first = trust.first_rung(tolerance);
     let mut coarse = integral(&LADDER[first]).values;
     let mut best = coarse.map(|v| Estimate::bound(v, f64::INFINITY));
     for rung in &LADDER[first + 1..] {
         let Sum { values: fine, defect } = integral(rung);
         // One component may agree by chance: the largest difference speaks for all.
         let difference = (0..K).map(|k| (fine[k] - coarse[k]).abs()).fold(0.0, f64::max);
-        let error = safety * (difference + defect + PROMISE * (-rung.rules.digits()).exp());
+        let height = fine.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
+        let error = safety * (difference + defect + PROMISE * height * (-rung.rules.digits()).exp());
         let candidate = fine.map(|v| Estimate::bound(v, error + safety * ROUNDING * v.abs()));
         // Past the point where rounding rules, a finer rung may look worse: keep the better of the two.
         for (b, c) in best.iter_mut().zip(candidate) {
@@ -78,8 +132,22 @@ pub(super) fn climb_rules<const K: usize>(
     climb(tolerance, |rung| Sum { values: integral(&rung.rules), defect: 0.0 })
 }
 
-/// What the indicators of error are multiplied with to be a bound; a test scans the whole domain for values that break it.
-const SAFETY: f64 = 4.0;
+/// A part of a panel, to be integrated by a rule that is graded towards one of the panel's ends.
+struct Half {
+    from_low: bool,
+    length: f64,
+    scale: f64,
+}
+
+/// The rules for a panel of this length whose integrand must be resolved down to the scales `at_low` and `at_high` at its ends: two
+/// that meet in the middle, or one where the other end is as smooth as the panel is long.
+fn halves(length: f64, at_low: f64, at_high: f64) -> impl Iterator<Item = Half> {
+    let (low, high) = (at_low < length, at_high < length || at_low >= length);
+    let length = if low && high { 0.5 * length } else { length };
+    [(low, true, at_low), (high, false, at_high)]
+        .into_iter()
+        .filter_map(move |(wanted, from_low, scale)| wanted.then_some(Half { from_low, length, scale }))
+}
 
 /// The part of a rung's nominal error below which agreement is taken for chance.
 const PROMISE: f64 = 0.025;
