@@ -6,6 +6,7 @@
 
 use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
 use crate::error::{Error, Result};
+use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::direction_with_cosine;
 use crate::model::Lobe;
@@ -116,7 +117,11 @@ impl Family for Average {
             return Ok(vec![Estimate::sigma(0.0, 0.0)]);
         }
         let lobe = Charlie { alpha, visibility: model.visibility };
-        let estimates = integration.average_over_cosine(|wo, u| [lobe.sample(wo, u).map_or(0.0, |s| s.weight)]);
+        // Upright fibres show at grazing angles alone, mu² ~ alpha: the square, in which the average is even, is drawn there as well.
+        let (estimates, _) = integration.points3.integrate(integration.stop(), |[t, u, v]| {
+            let (mu2, stretch) = defensive_tail(t, alpha);
+            [lobe.sample(direction_with_cosine(mu2.sqrt()), [u, v]).map_or(0.0, |s| stretch * s.weight)]
+        });
         Ok(estimates.into())
     }
 
