@@ -22,6 +22,7 @@ pub mod spherical_harmonics;
 mod sun_disc;
 #[cfg(test)]
 mod test_maps;
+pub mod zonal;
 
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};

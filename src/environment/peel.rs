@@ -49,6 +49,16 @@ struct Peeled {
 impl Peel {
     /// The outliers of a panorama, and the panorama without them: never darker than the block around it.
     pub(super) fn new(panorama: &Panorama) -> (Self, Panorama) {
+        Self::take(panorama, LEAST, 0.0, MOST)
+    }
+
+    /// At most `most` outliers that each hold at least this part of the panorama's light (all channels together).
+    pub(super) fn strongest(panorama: &Panorama, least_share: f64, most: usize) -> (Self, Panorama) {
+        Self::take(panorama, 0.0, least_share, most)
+    }
+
+    /// Outliers of more than `least` of their block's flux and at least `least_share` of the panorama's.
+    fn take(panorama: &Panorama, least: f64, least_share: f64, most: usize) -> (Self, Panorama) {
         let (width, height) = (panorama.width(), panorama.height());
         let mean = panorama.mean().iter().sum::<f64>();
         let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
@@ -64,8 +74,10 @@ impl Peel {
                 for index in places() {
                     let texel = panorama.texels()[index];
                     let excess: f64 = (0..3).map(|c| f64::from((texel[c] - median[c]).max(0.0))).sum();
-                    let flux = excess * panorama.solid_angle(index / width) / (surroundings * block_angle);
-                    if flux > LEAST {
+                    let flux = excess * panorama.solid_angle(index / width);
+                    let share = flux / (4.0 * PI * mean.abs());
+                    let flux = flux / (surroundings * block_angle);
+                    if flux > least && share >= least_share {
                         candidates.push((flux, index, median));
                     }
                 }
@@ -73,7 +85,7 @@ impl Peel {
         }
         // The largest first; equal ones in the order of the panorama, so that the choice is the same on every run.
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        candidates.truncate(MOST);
+        candidates.truncate(most);
         let mut rest = panorama.texels().to_vec();
         let texels = candidates
             .into_iter()
@@ -100,6 +112,11 @@ impl Peel {
             .collect();
         let extent = PI / height as f64;
         (Self { texels, extent }, panorama.with_texels(rest))
+    }
+
+    /// How many texels were peeled off.
+    pub(super) fn len(&self) -> usize {
+        self.texels.len()
     }
 
     /// ∫ K(axis·l) over what was peeled off; `exact` integrates the texels near the lobe's peak and across its horizon.

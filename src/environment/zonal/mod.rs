@@ -1,0 +1,211 @@
+//! The zonal filter: a panorama convolved with a kernel of R·l alone, by spherical harmonics, straight from its texels.
+//!
+//! By Funk and Hecke's theorem such a convolution multiplies the coefficients of degree l by one number λ_l. Texels become
+//! coefficients ([`analysis`]), once for all kernels; λ_l ([`eigenvalues`]) times coefficients become values on a grid of rings, and
+//! interpolation between rings answers for any direction ([`synthesis`]), so no layout has seams. How many degrees a kernel
+//! takes follows from the darkest output ([`plan`]). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
+//! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
+//! constant stays what it is. Kernels too narrow for harmonics are summed over the texels ([`FullSum`]).
+
+mod analysis;
+mod eigenvalues;
+mod fft;
+mod lanes;
+mod legendre;
+mod plan;
+mod synthesis;
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+pub use lanes::InstructionSet;
+
+use super::cube::{Cube, texel_direction};
+use super::full_sum::FullSum;
+use super::kernel::Kernel;
+use super::panorama::Panorama;
+use super::peel::Peel;
+use analysis::{Coefficients, Texels, analyse};
+use lanes::V;
+use plan::{Plan, WIDE, cells, darkest, points};
+use synthesis::Rings;
+
+/// Texels that are peeled off at most, for wide kernels and for narrow ones.
+const MOST_PEELED: [usize; 2] = [1024, 64];
+
+/// A panorama made ready to be filtered by some kernels.
+#[derive(Debug)]
+pub struct Zonal<'a> {
+    panorama: &'a Panorama,
+    exact: FullSum<'a>,
+    instructions: InstructionSet,
+    /// Wide kernels, then narrow ones.
+    parts: Vec<Part>,
+}
+
+/// Some kernels, and the panorama as they see it: most of it as coefficients.
+#[derive(Debug)]
+struct Part {
+    plans: Vec<Plan>,
+    peel: Peel,
+    /// Means of what was not peeled off.
+    mean: [f64; 3],
+    /// ∫ (f − mean)².
+    norm2: [f64; 3],
+    /// The largest part of a channel's light that was not peeled off.
+    share: f64,
+    coefficients: Coefficients,
+}
+
+/// The panorama filtered by one kernel: a function of the direction.
+#[derive(Debug)]
+pub struct Function<'a> {
+    zonal: &'a Zonal<'a>,
+    kernel: Kernel,
+    /// Nothing if the kernel is too narrow for harmonics.
+    rings: Option<(&'a Part, Rings)>,
+    /// Degrees of the harmonics; 0 if texels are summed instead.
+    pub degree: usize,
+    /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
+    pub truncation: f64,
+    /// The darkest and the brightest texel: no average lies beyond.
+    range: [[f64; 3]; 2],
+}
+
+impl<'a> Zonal<'a> {
+    /// Prepares a panorama for these kernels.
+    pub fn new(panorama: &'a Panorama, kernels: &[Kernel], instructions: InstructionSet) -> Self {
+        let cells = cells(panorama);
+        let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
+        for kernel in kernels {
+            let darkest = darkest(panorama, &cells, kernel);
+            let side = usize::from(kernel.alpha() <= WIDE);
+            plans[side].extend(Plan::new(*kernel, darkest, instructions));
+        }
+        let parts = plans.into_iter().zip(MOST_PEELED).filter(|(plans, _)| !plans.is_empty());
+        let parts = parts.map(|(plans, most)| Part::new(panorama, plans, most, instructions)).collect();
+        Self { panorama, exact: FullSum::new(panorama), instructions, parts }
+    }
+
+    /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
+    pub fn function(&'a self, kernel: &Kernel) -> Function<'a> {
+        let of = |part: &'a Part| part.plans.iter().find(|plan| plan.kernel == *kernel).map(|plan| (part, plan));
+        let range = [self.panorama.min(), self.panorama.max()].map(|texel| texel.map(f64::from));
+        let Some((part, plan)) = self.parts.iter().find_map(of) else {
+            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0, range };
+        };
+        let rings = Rings::new(&part.coefficients, &plan.eigenvalues, plan.grid, self.instructions);
+        let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
+        Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation, range }
+    }
+}
+
+impl Function<'_> {
+    /// The value in a unit direction.
+    pub fn at(&self, direction: DVec3) -> [f64; 3] {
+        let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
+        let smooth = rings.at(direction);
+        let peeled = if part.peel.len() == 0 {
+            [0.0; 3]
+        } else {
+            part.peel.evaluate(direction, &self.kernel, &self.zonal.exact)
+        };
+        // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
+        // negative beside a sun.
+        std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(self.range[0][c], self.range[1][c]))
+    }
+
+    /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
+    pub fn cube(&self, size: usize, finished: &(dyn Fn(u64) + Sync)) -> Cube {
+        let mut texels = vec![[0.0; 3]; 6 * size * size];
+        texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
+            for (i, texel) in out.iter_mut().enumerate() {
+                *texel = self.at(texel_direction(size, line * size + i)).map(|v| v as f32);
+            }
+            finished(size as u64);
+        });
+        Cube { size, texels }
+    }
+
+    /// The difference from the full sum in some directions, relative to the value or to [`super::DARK_FLOOR`] of the mean: root
+    /// mean square and largest.
+    pub fn measure(&self, directions: &[DVec3]) -> (f64, f64) {
+        let mean = self.zonal.panorama.mean();
+        let errors: Vec<f64> = directions
+            .par_iter()
+            .flat_map_iter(|&direction| {
+                let wanted = self.zonal.exact.evaluate(direction, &self.kernel);
+                let got = self.at(direction);
+                (0..3).map(move |c| {
+                    let scale = wanted[c].abs().max(super::DARK_FLOOR * mean[c].abs());
+                    if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }
+                })
+            })
+            .collect();
+        let squares: f64 = errors.iter().map(|e| e * e).sum();
+        ((squares / errors.len().max(1) as f64).sqrt(), errors.into_iter().fold(0.0, f64::max))
+    }
+}
+
+impl Part {
+    fn new(panorama: &Panorama, plans: Vec<Plan>, most_peeled: usize, instructions: InstructionSet) -> Self {
+        let least_share = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
+        let (peel, rest) = Peel::strongest(panorama, least_share, most_peeled);
+        let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
+        let narrowest = plans.iter().map(|plan| plan.kernel.alpha()).fold(1.0, f64::min);
+        let (mean, whole) = (rest.mean(), panorama.mean());
+        let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
+        let mut norm2 = [0.0; 3];
+        for row in 0..rest.height() {
+            let mut sum = [0.0; 3];
+            for texel in rest.row(row) {
+                (0..3).for_each(|c| sum[c] += (f64::from(texel[c]) - mean[c]).powi(2));
+            }
+            (0..3).for_each(|c| norm2[c] += sum[c] * rest.solid_angle(row));
+        }
+        // Two points at least: degrees of a kink that a row holds several of matter too.
+        let points = points(2.0 * narrowest, panorama.height()).max(2);
+        let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, points, instructions);
+        // What is left of the mean is rounding.
+        coefficients.orders[0][0] = [0.0; 6];
+        Self { plans, peel, mean, norm2, share, coefficients }
+    }
+}
+
+/// The part of the light that a texel must hold for the kernel's horizon to show, and to be peeled off.
+///
+/// The kink N max(c, 0), N = K′(0), is off by some N/(5L) when cut off at degree L; the eighth part of 1e-5 of the darkest output
+/// is left to each texel of a cell that L does not resolve.
+fn least_share(plan: &Plan, height: usize) -> f64 {
+    let (_, _, slope) = plan.kernel.coefficients();
+    let degree = plan.degree() as f64;
+    let cell = 1.0 + (height as f64 / degree).powi(2);
+    1e-5 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
+}
+
+/// A panorama without its mean.
+struct BeyondMean<'a> {
+    panorama: &'a Panorama,
+    mean: [f64; 3],
+}
+
+impl Texels for BeyondMean<'_> {
+    fn shape(&self) -> [usize; 2] {
+        [self.panorama.width(), self.panorama.height()]
+    }
+
+    fn occupied(&self, row: usize) -> bool {
+        let mean = self.mean;
+        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != mean)
+    }
+
+    fn add_row(&self, row: usize, channel: usize, factor: f64, lane: usize, to: &mut [V]) {
+        for (out, texel) in to.iter_mut().zip(self.panorama.row(row)) {
+            out[lane] += factor * (f64::from(texel[channel]) - self.mean[channel]);
+        }
+    }
+}
+#[cfg(test)]
+mod tests;
