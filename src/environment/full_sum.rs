@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::cube::{Cube, texel_direction};
 use super::kernel::Kernel;
 use super::panorama::Panorama;
+use super::zonal::InstructionSet;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// A rule of points per side may be used where extent/δ is at most this; then (h/4δ)^2n is below 1e-7.
@@ -25,10 +26,12 @@ pub struct FullSum<'a> {
     panorama: &'a Panorama,
     base: [f64; 3],
     rules: Vec<Rule>,
-    /// cos φ and sin φ of the points of the smallest rule in each column: what nearly every texel takes.
+    /// cos φ and sin φ of the smallest rule's points, what nearly every texel takes: its first in every column, then its
+    /// second, and so on.
     azimuths: Vec<(f64, f64)>,
     /// Whether the row holds anything beyond the base.
     occupied: Vec<bool>,
+    instructions: InstructionSet,
 }
 
 /// A box in φ and θ.
@@ -60,12 +63,14 @@ impl<'a> FullSum<'a> {
         let rules: Vec<Rule> = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
         let base = panorama.min();
         let occupied = (0..panorama.height()).map(|row| panorama.row(row).iter().any(|t| *t != base)).collect();
-        let azimuths = (0..panorama.width())
-            .flat_map(|column| rules[0].nodes.iter().map(move |t| column as f64 + t))
+        let azimuths = rules[0]
+            .nodes
+            .iter()
+            .flat_map(|t| (0..panorama.width()).map(move |column| column as f64 + t))
             .map(|position| TAU * position / panorama.width() as f64 - PI)
             .map(|phi| (phi.cos(), phi.sin()))
             .collect();
-        Self { panorama, base: base.map(f64::from), rules, azimuths, occupied }
+        Self { panorama, base: base.map(f64::from), rules, azimuths, occupied, instructions: InstructionSet::detect() }
     }
 
     /// ∫ K(axis·l) L(l) dl, to about 1e-6 relative.
@@ -120,32 +125,48 @@ impl<'a> FullSum<'a> {
 
         // Two by two everywhere first: one tight loop.
         let rule = &self.rules[0];
-        let n = rule.nodes.len();
         weights.fill(0.0);
-        let (beta, one_minus_beta, norm) = lobe.kernel.coefficients();
-        for (t, weight) in rule.nodes.iter().zip(&rule.weights) {
-            let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
-            let (up, scale) = (lobe.axis.y * cos, norm * weight * sin * dtheta * dphi);
-            for (out, along) in weights.iter_mut().zip(along.chunks_exact(n)) {
-                for (a, weight) in along.iter().zip(&rule.weights) {
-                    let c = up + sin * a;
-                    let d = one_minus_beta + beta * (1.0 - c);
-                    *out += scale * weight * c.max(0.0) / (d * d);
+        self.instructions.run(
+            #[inline(always)]
+            || {
+                for (t, weight) in rule.iter() {
+                    let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
+                    let (up, scale) = (lobe.axis.y * cos, weight * sin * dtheta * dphi);
+                    for (along, weight) in along.chunks_exact(width).zip(&rule.weights) {
+                        add_line(weights, along, [up, sin, scale * weight], lobe.kernel);
+                    }
                 }
-            }
-        }
+            },
+        );
 
         // Then mend the texels for which that is not enough: near the axis, and across the horizon.
         let far = (extent / RULES[0].1 + reach).powi(2);
+        let least_near = 1.0 - (far - lobe.width2) / 2.0;
         let (sin, cos) = middle.sin_cos();
-        for (column, out) in weights.iter_mut().enumerate() {
-            let phi = TAU * column as f64 / width as f64 - PI;
-            // (Between the two middle points of the column: its centre, to a relative dφ²/8.)
-            let a = along[column * n..(column + 1) * n].iter().sum::<f64>() / n as f64;
-            let c = lobe.axis.y * cos + sin * a;
-            let near = (2.0 - 2.0 * c).max(0.0) + lobe.width2 < far;
-            if near || c.abs() < reach {
-                *out = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
+        let up = lobe.axis.y * cos;
+        let first = &along[..width];
+        // (The middle of the column to half its width: the margins of both criteria are wider.)
+        let slack = 0.5 * widest * dphi;
+        for start in (0..width).step_by(STRETCH) {
+            let stretch = &first[start..(start + STRETCH).min(width)];
+            let (mut lowest, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
+            for a in stretch {
+                let c = up + sin * a;
+                lowest = if c.abs() < lowest { c.abs() } else { lowest };
+                largest = if c > largest { c } else { largest };
+            }
+            if largest + slack <= least_near && lowest - slack >= reach {
+                continue;
+            }
+            for column in start..start + stretch.len() {
+                let phi = TAU * column as f64 / width as f64 - PI;
+                // (Between the points of the column: its centre, to a relative dφ²/8.)
+                let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
+                let c = up + sin * a;
+                let near = (2.0 - 2.0 * c).max(0.0) + lobe.width2 < far;
+                if near || c.abs() < reach {
+                    weights[column] = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
+                }
             }
         }
         true
@@ -223,6 +244,22 @@ impl<'a> FullSum<'a> {
             sum += weight * dtheta * sin * line;
         }
         sum
+    }
+}
+
+/// Columns that are looked at together for texels to mend.
+const STRETCH: usize = 32;
+
+/// Adds scale × K(up + sin × along) to the weights.
+#[inline(always)]
+fn add_line(weights: &mut [f64], along: &[f64], [up, sin, scale]: [f64; 3], kernel: &Kernel) {
+    let (beta, one_minus_beta, norm) = kernel.coefficients();
+    let scale = scale * norm;
+    for (out, along) in weights.iter_mut().zip(along) {
+        let c = up + sin * along;
+        let d = one_minus_beta + beta * (1.0 - c);
+        let lit = if c > 0.0 { c } else { 0.0 };
+        *out += scale * lit / (d * d);
     }
 }
 

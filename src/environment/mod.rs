@@ -1,8 +1,8 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
-//! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
-//! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
+//! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by spherical harmonics ([`zonal`]) or by one of
+//! two witnesses ([`monte_carlo`], [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]).
 
 pub mod area_average;
@@ -26,7 +26,7 @@ pub mod zonal;
 
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
-pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, specular_chain};
+pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, chain_and_irradiance, specular_chain};
 pub use cube::Cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
@@ -35,3 +35,4 @@ pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
 pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
 pub use source::{BUILTIN_PREFIX, load};
 pub use spherical_harmonics::SphericalHarmonics;
+pub use zonal::{InstructionSet, Zonal};

@@ -48,7 +48,7 @@ impl InstructionSet {
 
     /// Runs `f` compiled for these instructions, as far as `f` is inlined; for the baseline where the processor lacks them.
     #[inline(always)]
-    pub(super) fn run<R>(self, f: impl FnOnce() -> R) -> R {
+    pub(in crate::environment) fn run<R>(self, f: impl FnOnce() -> R) -> R {
         #[cfg(target_arch = "x86_64")]
         if self == Self::Avx2
             && let Some(simd) = pulp::x86::V3::try_new()

@@ -72,7 +72,6 @@ const STRIDE: usize = 32;
 #[derive(Debug, Clone)]
 pub(super) struct Places {
     pub cos: V,
-    pub sin: V,
     /// sin^j θ for j < [`STRIDE`].
     small: Vec<V>,
     /// sin^(STRIDE k) θ as value · 2^(BITS e).
@@ -100,7 +99,7 @@ impl Places {
             }
             large.push((value, exponent));
         }
-        Self { cos, sin, small, large }
+        Self { cos, small, large }
     }
 
     /// Where the recurrence of order m starts; `factor` multiplies everything.
@@ -129,9 +128,6 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    /// Nothing at all: the walk of places that do not exist.
-    pub const NOTHING: Self = Self { current: ZERO, before: ZERO, exponent: [0; LANES], ready: true };
-
     /// The next [`CHUNK`] values of Q; false if all are negligible (then nothing is written).
     #[inline(always)]
     pub fn advance(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {

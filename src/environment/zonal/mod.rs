@@ -129,11 +129,11 @@ impl Function<'_> {
         Cube { size, texels }
     }
 
-    /// The difference from the full sum in some directions, relative to the value or to [`super::DARK_FLOOR`] of the mean: root
-    /// mean square and largest.
-    pub fn measure(&self, directions: &[DVec3]) -> (f64, f64) {
+    /// The difference from the full sum where it is likely to be largest: root mean square and maximum, relative to the value
+    /// or to [`super::DARK_FLOOR`] of the mean. `cube` holds this function.
+    pub fn measure(&self, cube: &Cube) -> (f64, f64) {
         let mean = self.zonal.panorama.mean();
-        let errors: Vec<f64> = directions
+        let errors: Vec<f64> = aims(self.zonal.panorama, &self.kernel, cube)
             .par_iter()
             .flat_map_iter(|&direction| {
                 let wanted = self.zonal.exact.evaluate(direction, &self.kernel);
@@ -145,8 +145,32 @@ impl Function<'_> {
             })
             .collect();
         let squares: f64 = errors.iter().map(|e| e * e).sum();
-        ((squares / errors.len().max(1) as f64).sqrt(), errors.into_iter().fold(0.0, f64::max))
+        ((squares / errors.len() as f64).sqrt(), errors.into_iter().fold(0.0, f64::max))
     }
+}
+
+/// Where errors hide: at the brightest texel and opposite to it, beside it (interpolation), at its horizon (the kink), at
+/// the poles, at a corner and an edge of a cube, and in its darkest texels.
+fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
+    /// Beside the sun, in widths of the kernel; and on either side of its horizon, in radians.
+    const BESIDE: [f64; 3] = [0.5, 1.0, 3.0];
+    const ACROSS: [f64; 3] = [0.0, 0.004, -0.01];
+    const DARKEST: usize = 4;
+    let (column, row, _) = panorama.peak();
+    let sun = panorama.texel_box(column, row).middle();
+    let (side, up) = sun.any_orthonormal_pair();
+    let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
+    let mut aims = vec![sun, -sun, DVec3::Y, DVec3::NEG_Y, DVec3::ONE.normalize(), DVec3::new(1.0, 0.0, 1.0).normalize()];
+    for away in [side, up, -side, -up] {
+        aims.extend(BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4))));
+        aims.extend(ACROSS.map(|angle| towards(away, 0.5 * PI - angle)));
+    }
+    let mut darkest: Vec<(f32, usize)> =
+        cube.texels.iter().enumerate().map(|(i, t)| (t[0].min(t[1]).min(t[2]), i)).collect();
+    let n = DARKEST.min(darkest.len());
+    darkest.select_nth_unstable_by(n - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    aims.extend(darkest[..n].iter().map(|&(_, index)| texel_direction(cube.size, index)));
+    aims
 }
 
 impl Part {

@@ -79,3 +79,175 @@ fn experiment() {
         let _ = size;
     }
 }
+
+/// Values in [0, 1) with lamps of 10, blacks, and one sun of 1e5.
+fn lit(width: usize, seed: u64, sun: (usize, usize)) -> Panorama {
+    super::super::test_maps::random(width, seed, Some(sun))
+}
+
+const ALPHAS: [f64; 6] = [0.01, 0.03, 1.0 / 16.0, 0.25, 9.0 / 16.0, 1.0];
+
+fn kernels(alphas: &[f64]) -> Vec<Kernel> {
+    alphas.iter().map(|&a| Kernel::new(a)).collect()
+}
+
+/// The goal: 1e-4 of the value, or of 1e-3 of the mean. At the sun, beside it, across its horizon, at poles, edges and corners.
+#[test]
+fn every_level_is_within_1e_4_of_the_full_sum_wherever_errors_hide() {
+    // The sun in the middle, in the first column, in the corner of the map (at a pole), and in a row of odd maps' equators.
+    for (width, sun) in [(128, (37, 20)), (128, (0, 31)), (96, (0, 0)), (34, (20, 8)), (10, (4, 1)), (4, (1, 0))] {
+        let panorama = lit(width, 3, sun);
+        let (mean, exact) = (panorama.mean(), FullSum::new(&panorama));
+        let zonal = Zonal::new(&panorama, &kernels(&ALPHAS), InstructionSet::detect());
+        for kernel in kernels(&ALPHAS) {
+            let function = zonal.function(&kernel);
+            for direction in aims(&panorama) {
+                let (got, wanted) = (function.at(direction), exact.evaluate(direction, &kernel));
+                for c in 0..3 {
+                    let tolerance = 1e-4 * wanted[c].max(1e-3 * mean[c]);
+                    assert!(
+                        (got[c] - wanted[c]).abs() < tolerance,
+                        "width {width}, sun {sun:?}, alpha {}, {direction}, channel {c}: {} wanted {} ± {tolerance}",
+                        kernel.alpha(), got[c], wanted[c]
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_white_furnace_is_exactly_one_and_a_black_channel_zero() {
+    let texels: Vec<[f32; 3]> = (0..32 * 16).map(|i| [1.0, 0.0, (i % 5) as f32]).collect();
+    let panorama = Panorama::new(32, 16, texels).unwrap();
+    let zonal = Zonal::new(&panorama, &kernels(&ALPHAS), InstructionSet::detect());
+    for kernel in kernels(&ALPHAS) {
+        let cube = zonal.function(&kernel).cube(8, &|_| {});
+        assert!(cube.texels.iter().all(|t| t[0] == 1.0 && t[1] == 0.0 && t[2] > 0.0), "alpha {}", kernel.alpha());
+    }
+}
+
+#[test]
+fn a_brighter_map_gives_the_same_bits_times_a_power_of_two() {
+    let panorama = lit(64, 5, (40, 9));
+    let bright = panorama.with_texels(panorama.texels().iter().map(|t| t.map(|v| v * 1024.0)).collect());
+    for kernel in kernels(&[0.03, 0.5]) {
+        let one = |map: &Panorama| Zonal::new(map, &[kernel], InstructionSet::detect()).function(&kernel).cube(16, &|_| {});
+        let (dim, bright) = (one(&panorama), one(&bright));
+        for (a, b) in dim.texels.iter().flatten().zip(bright.texels.iter().flatten()) {
+            assert_eq!(a * 1024.0, *b, "alpha {}", kernel.alpha());
+        }
+    }
+}
+
+#[test]
+fn neither_threads_nor_instructions_change_a_bit() {
+    let panorama = lit(128, 6, (17, 40));
+    let kernels = kernels(&[0.02, 0.3]);
+    let bake = |instructions, threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let zonal = Zonal::new(&panorama, &kernels, instructions);
+            kernels.iter().flat_map(|k| zonal.function(k).cube(24, &|_| {}).texels).collect::<Vec<_>>()
+        })
+    };
+    let wanted = bake(InstructionSet::Baseline, 1);
+    for instructions in InstructionSet::available() {
+        for threads in [1, 3] {
+            assert!(bake(instructions, threads) == wanted, "{} on {threads} threads", instructions.name());
+        }
+    }
+}
+
+/// The mean over the sphere of the function itself: degree zero, and what was peeled off (whose kernel has mass one).
+#[test]
+fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
+    for (width, sun) in [(128, (37, 20)), (34, (20, 8)), (96, (0, 0))] {
+        let panorama = lit(width, 8, sun);
+        let map = BeyondMean { panorama: &panorama, mean: panorama.mean() };
+        for points in [1, 2, 5] {
+            let coefficients = analyse(&map, 4, points, InstructionSet::detect());
+            for c in 0..3 {
+                // f_00 Y_00 is the mean; it was taken off already.
+                let off = coefficients.orders[0][0][c] / (4.0 * PI).sqrt() / panorama.mean()[c];
+                assert!(off.abs() < 1e-13, "width {width}, {points} points, channel {c}: {off:e}");
+            }
+        }
+    }
+}
+
+/// Texels of a lone harmonic of order m come back as its coefficient, at degrees where P̄_m^m underflows near the poles.
+#[test]
+fn legendre_functions_of_high_degree_agree_with_an_independent_evaluation() {
+    use super::legendre::{CHUNK, Order, Places, sectoral_norms};
+    let degree = 1400;
+    let norms = sectoral_norms(degree);
+    for m in [0, 1, 2, 31, 32, 300, 700, 1390] {
+        let order = Order::new(m, degree);
+        let theta: [f64; 8] = [1e-3, 0.01, 0.1, 0.2, 0.5, 0.9, 1.3, 1.5707];
+        let places = Places::new(theta.map(f64::cos), theta.map(f64::sin), degree);
+        let mut walk = places.start(m, [norms[m]; 8]);
+        let mut values = vec![];
+        for a in order.a.as_chunks::<CHUNK>().0 {
+            let mut q = [[0.0; 8]; CHUNK];
+            if !walk.advance(places.cos, a, &mut q) {
+                q = [[0.0; 8]; CHUNK];
+            }
+            values.extend(q);
+        }
+        for l in [m, m + 1, m + 2, (m + degree) / 2, degree - 1, degree] {
+            for lane in 0..8 {
+                let got = values[l - m][lane] * order.s[l - m];
+                let wanted = legendre_by_integral(l, m, theta[lane]);
+                // The trapezoidal sum is exact but for rounding of terms up to √l, and the recurrence loses some l ulp.
+                let tolerance = 2e-16 * (l as f64 + 10.0) * (l as f64 + 1.0).sqrt();
+                assert!((got - wanted).abs() < tolerance, "l {l}, m {m}, θ {}: {got} wanted {wanted}", theta[lane]);
+            }
+        }
+    }
+}
+
+/// P̄_l^m from Laplace's integral: P_l^m(cos θ) ∝ (1/π) ∫ (cos θ + i sin θ cos φ)^l cos mφ dφ (DLMF 14.12.8 with integer m), whose
+/// norm is (l + m)!/l! and whose trapezoidal sum with more than l + m points is exact.
+fn legendre_by_integral(l: usize, m: usize, theta: f64) -> f64 {
+    let n = 2 * (l + m + 2);
+    let (sin, cos) = theta.sin_cos();
+    // |base|^l may be small and the norm large: both through logarithms.
+    let lf = |n: usize| libm::lgamma(n as f64 + 1.0);
+    let log_norm = 0.5 * ((2.0 * l as f64 + 1.0) / (4.0 * PI)).ln() + 0.5 * (lf(l + m) + lf(l - m)) - lf(l);
+    let mut sum = 0.0;
+    for k in 0..n {
+        let phi = 2.0 * PI * k as f64 / n as f64;
+        let across = sin * phi.cos();
+        let log_modulus = l as f64 * 0.5 * (cos * cos + across * across).ln();
+        let argument = l as f64 * across.atan2(cos) - 0.5 * PI * m as f64;
+        sum += (log_modulus + log_norm).exp() * argument.cos() * (m as f64 * phi).cos();
+    }
+    sum / n as f64
+}
+
+#[test]
+fn eigenvalues_agree_with_closed_forms_and_with_simpson() {
+    // Lambert: 1, 2/3, 1/4, 0, −1/24, 0, 1/64 (Ramamoorthi and Hanrahan 2001, eq. 19, over π).
+    let lambert = Kernel::new(1.0);
+    let got = eigenvalues::eigenvalues(&|w| lambert.eval(w), 2.0, 600, InstructionSet::detect());
+    for (l, wanted) in [1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0, 0.0, 1.0 / 64.0].into_iter().enumerate() {
+        assert!((got[l] - wanted).abs() < 1e-14, "l {l}: {} wanted {wanted}", got[l]);
+    }
+    assert!(got[7..].iter().skip(0).step_by(2).all(|v| v.abs() < 1e-14), "odd degrees vanish");
+    for alpha in [0.002, 0.02, 0.3] {
+        let kernel = Kernel::new(alpha);
+        let degree = 40;
+        let got = eigenvalues::eigenvalues(&|w| kernel.eval(w), 2.0 * alpha, degree, InstructionSet::detect());
+        assert!((got[0] - 1.0).abs() < 1e-14, "alpha {alpha}: mass {}", got[0]);
+        // λ_1 = 2π ∫ K c dc = N 2π ∫ c²/(1 − βc)² dc, in closed form.
+        let (beta, rest, norm) = kernel.coefficients();
+        let wanted = norm * 2.0 * PI * (1.0 / rest - rest + 2.0 * rest.ln()) / beta.powi(3);
+        assert!((got[1] - wanted).abs() < 1e-13, "alpha {alpha}: λ_1 {} wanted {wanted}", got[1]);
+        // The same at other panels: a higher degree makes them all shorter.
+        let finer = eigenvalues::eigenvalues(&|w| kernel.eval(w), 2.0 * alpha, 4000, InstructionSet::detect());
+        for l in 0..=degree {
+            assert!((got[l] - finer[l]).abs() < 1e-14, "alpha {alpha}, l {l}: {} and {}", got[l], finer[l]);
+        }
+    }
+}
