@@ -2,8 +2,8 @@
 //!
 //! Each texel's box is integrated by a product of Gauss–Legendre rules in φ and θ (θ rather than y = cos θ, because the
 //! direction is a smooth function of θ at the poles). How many points: the kernel 1/(1 − βc)² has its complex
-//! singularities at an angular distance δ = √(4α²/(1−α²) + distance²) from the lobe's axis, and n points on a box of
-//! extent h leave an error of about (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
+//! singularities at an angular distance δ = √(4α²/(1−α²) + distance²) from the lobe's axis (and its cosine, like sin θ, varies
+//! over one radian, so that δ counts as 1 at most), and n points on a box of extent h leave an error of about (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
 //! horizon crosses a box, each line of constant θ is cut exactly where c = 0.
 
 use std::f64::consts::{PI, TAU};
@@ -141,7 +141,7 @@ impl<'a> FullSum<'a> {
 
         // Then mend the texels for which that is not enough: near the axis, and across the horizon.
         let far = (extent / RULES[0].1 + reach).powi(2);
-        let least_near = 1.0 - (far - lobe.width2) / 2.0;
+        let least_near = if far > 1.0 { f64::NEG_INFINITY } else { 1.0 - (far - lobe.width2) / 2.0 };
         let (sin, cos) = middle.sin_cos();
         let up = lobe.axis.y * cos;
         let first = &along[..width];
@@ -163,7 +163,7 @@ impl<'a> FullSum<'a> {
                 // (Between the points of the column: its centre, to a relative dφ²/8.)
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
                 let c = up + sin * a;
-                let near = (2.0 - 2.0 * c).max(0.0) + lobe.width2 < far;
+                let near = ((2.0 - 2.0 * c).max(0.0) + lobe.width2).min(1.0) < far;
                 if near || c.abs() < reach {
                     weights[column] = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
                 }
@@ -189,7 +189,7 @@ impl<'a> FullSum<'a> {
         let extent = theta.1.max(widest * phi.1);
         let reach = 0.5 * theta.1.hypot(widest * phi.1);
         let distance = ((lobe.axis - centre).length() - reach).max(0.0);
-        let delta = (lobe.width2 + distance * distance).sqrt();
+        let delta = (lobe.width2 + distance * distance).sqrt().min(1.0);
         let c = lobe.axis.dot(centre);
         if c < -1.01 * reach {
             return 0.0;

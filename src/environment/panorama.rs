@@ -247,8 +247,8 @@ impl Panorama {
     }
 
     fn compute_mean(&self) -> [f64; 3] {
-        // Relative to one texel, so that a constant comes out as itself.
-        let origin = self.texels[0].map(f64::from);
+        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
+        let origin = self.min().map(f64::from);
         let mut sum = [0.0; 3];
         for row in 0..self.height {
             let mut row_sum = [0.0; 3];

@@ -119,6 +119,16 @@ impl Peel {
         self.texels.len()
     }
 
+    /// Where in the panorama each is, and its radiance beyond the surroundings; the largest flux first.
+    pub(super) fn texels(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        self.texels.iter().map(|texel| (texel.index, texel.radiance))
+    }
+
+    /// Where in the panorama one is, and its solid angle.
+    pub(super) fn texel(&self, i: usize) -> (usize, f64) {
+        (self.texels[i].index, self.texels[i].middle.1)
+    }
+
     /// ∫ K(axis·l) over what was peeled off; `exact` integrates the texels near the lobe's peak and across its horizon.
     pub(super) fn evaluate(&self, axis: DVec3, kernel: &Kernel, exact: &FullSum) -> [f64; 3] {
         let lobe = Lobe::new(axis, kernel);

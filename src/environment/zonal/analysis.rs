@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::fft::{Complex, Fft, separate};
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
-use crate::math::quadrature::gauss_legendre;
+use crate::math::quadrature::Rule;
 
 /// Real and imaginary parts of three channels: re r, g, b, im r, g, b.
 pub(super) const PARTS: usize = 6;
@@ -45,8 +45,8 @@ struct Block {
     spectrum: Vec<[V; 2 * PARTS]>,
 }
 
-/// The coefficients up to a degree, with `points` Gauss points per row.
-pub(super) fn analyse(map: &dyn Texels, degree: usize, points: usize, instructions: InstructionSet) -> Coefficients {
+/// The coefficients up to a degree; `rule` integrates over a row.
+pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions: InstructionSet) -> Coefficients {
     let [width, height] = map.shape();
     let fft = Fft::new(width);
     let factors = column_factors(width, degree);
@@ -59,7 +59,7 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, points: usize, instructio
             if !rows.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
                 return None;
             }
-            let (points, largest_sin) = places(first, height, points, degree);
+            let (points, largest_sin) = places(first, height, rule, degree);
             let spectrum = instructions.run(
                 #[inline(always)]
                 || spectrum(map, rows, &fft, &factors),
@@ -98,8 +98,8 @@ fn column_factors(width: usize, degree: usize) -> Vec<(f64, f64)> {
 
 /// Gauss points of eight rows from `first` on; rows past the equator have weight zero, the equator's own row half its weight
 /// (it is its own mirror image).
-fn places(first: usize, height: usize, points: usize, orders: usize) -> (Vec<(Places, V)>, f64) {
-    let rule = gauss_legendre(points);
+fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Places, V)>, f64) {
+    let points = rule.nodes.len();
     let n = height as f64;
     let (mut cos, mut sin, mut weights) =
         (vec![ZERO; points], vec![[1.0; LANES]; points], vec![ZERO; points]);

@@ -180,10 +180,10 @@ pub(super) fn add_chunk(to: &mut [V; CHUNK], from: &[V; CHUNK]) {
     }
 }
 
-/// Whether all P̄_l^m with l ≤ degree are below some 1e-18 wherever sin θ is at most this.
+/// Whether all P̄_l^m with l ≤ degree are below some 1e-16 wherever sin θ is at most this.
 ///
 /// For m > l sin θ, P̄ falls off like e^−S with S = ∫ √(m²/sin²t − l²) dt from θ to the turning point (Liouville and Green), which is
-/// l [μ artanh(u/(μ cos θ)) − arctan(u/cos θ)] with μ = m/l, u = √(μ² − sin²θ) for μ < 1.
+/// l [μ artanh(u/(μ cos θ)) − artanh(u/cos θ)] with μ = m/l, u = √(μ² − sin²θ) for μ < 1.
 pub(super) fn negligible(degree: usize, m: usize, sin: f64) -> bool {
     let l = degree as f64 + 0.5;
     let mu = (m as f64 / l).min(1.0 - 1e-12);
@@ -192,8 +192,8 @@ pub(super) fn negligible(degree: usize, m: usize, sin: f64) -> bool {
     }
     let cos = (1.0 - sin * sin).sqrt();
     let u = (mu * mu - sin * sin).sqrt();
-    let s = l * (mu * libm::atanh((u / (mu * cos)).min(1.0 - 1e-16)) - libm::atan(u / cos));
-    s > 48.0
+    let s = l * (mu * libm::atanh((u / (mu * cos)).min(1.0 - 1e-16)) - libm::atanh((u / cos).min(1.0 - 1e-16)));
+    s > 40.0
 }
 
 const _: () = assert!(CHUNK.is_multiple_of(LOOK) && LOOK.is_multiple_of(2) && BITS == 200);

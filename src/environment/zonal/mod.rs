@@ -8,6 +8,7 @@
 //! constant stays what it is. Kernels too narrow for harmonics are summed over the texels ([`FullSum`]).
 
 mod analysis;
+mod bright;
 mod eigenvalues;
 mod fft;
 mod lanes;
@@ -27,13 +28,17 @@ use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::panorama::Panorama;
 use super::peel::Peel;
+use bright::Bright;
 use analysis::{Coefficients, Texels, analyse};
 use lanes::V;
-use plan::{Plan, WIDE, cells, darkest, points};
+use plan::{Plan, WIDE, WIDE_DEGREE, cells, darkest, row_rule};
 use synthesis::Rings;
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
 const MOST_PEELED: [usize; 2] = [1024, 64];
+
+/// A bound of truncation above this, which is some thousand times what truncation does, asks for more degrees.
+const HARD: f64 = 1e-2;
 
 /// A panorama made ready to be filtered by some kernels.
 #[derive(Debug)]
@@ -49,7 +54,7 @@ pub struct Zonal<'a> {
 #[derive(Debug)]
 struct Part {
     plans: Vec<Plan>,
-    peel: Peel,
+    bright: Bright,
     /// Means of what was not peeled off.
     mean: [f64; 3],
     /// ∫ (f − mean)².
@@ -82,10 +87,10 @@ impl<'a> Zonal<'a> {
         for kernel in kernels {
             let darkest = darkest(panorama, &cells, kernel);
             let side = usize::from(kernel.alpha() <= WIDE);
-            plans[side].extend(Plan::new(*kernel, darkest, instructions));
+            plans[side].extend(Plan::new(*kernel, darkest, WIDE_DEGREE, instructions));
         }
         let parts = plans.into_iter().zip(MOST_PEELED).filter(|(plans, _)| !plans.is_empty());
-        let parts = parts.map(|(plans, most)| Part::new(panorama, plans, most, instructions)).collect();
+        let parts = parts.map(|(plans, most)| Part::patient(panorama, plans, most, instructions)).collect();
         Self { panorama, exact: FullSum::new(panorama), instructions, parts }
     }
 
@@ -107,11 +112,7 @@ impl Function<'_> {
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
         let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
         let smooth = rings.at(direction);
-        let peeled = if part.peel.len() == 0 {
-            [0.0; 3]
-        } else {
-            part.peel.evaluate(direction, &self.kernel, &self.zonal.exact)
-        };
+        let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(self.range[0][c], self.range[1][c]))
@@ -174,6 +175,18 @@ fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 }
 
 impl Part {
+    /// With more degrees where those that usually do leave too much out.
+    fn patient(panorama: &Panorama, plans: Vec<Plan>, most_peeled: usize, instructions: InstructionSet) -> Self {
+        let part = Self::new(panorama, plans, most_peeled, instructions);
+        let mean = panorama.mean();
+        let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
+        if part.plans.iter().all(|plan| plan.kernel.alpha() <= WIDE || left(plan) <= HARD) {
+            return part;
+        }
+        let more = |plan: &Plan| Plan::new(plan.kernel, plan.darkest, 3 * WIDE_DEGREE / 2, instructions);
+        Self::new(panorama, part.plans.iter().filter_map(more).collect(), most_peeled, instructions)
+    }
+
     fn new(panorama: &Panorama, plans: Vec<Plan>, most_peeled: usize, instructions: InstructionSet) -> Self {
         let least_share = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
         let (peel, rest) = Peel::strongest(panorama, least_share, most_peeled);
@@ -189,24 +202,23 @@ impl Part {
             }
             (0..3).for_each(|c| norm2[c] += sum[c] * rest.solid_angle(row));
         }
-        // Two points at least: degrees of a kink that a row holds several of matter too.
-        let points = points(2.0 * narrowest, panorama.height()).max(2);
-        let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, points, instructions);
+        let rule = row_rule(2.0 * narrowest, panorama.height());
+        let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
-        Self { plans, peel, mean, norm2, share, coefficients }
+        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients }
     }
 }
 
 /// The part of the light that a texel must hold for the kernel's horizon to show, and to be peeled off.
 ///
-/// The kink N max(c, 0), N = K′(0), is off by some N/(5L) when cut off at degree L; the eighth part of 1e-5 of the darkest output
-/// is left to each texel of a cell that L does not resolve.
+/// The kink N max(c, 0), N = K′(0), is off by some N/(5L) when cut off at degree L; 1e-4 of the darkest output (which is reckoned
+/// three times too dark) is left to the texels of a cell that L does not resolve.
 fn least_share(plan: &Plan, height: usize) -> f64 {
     let (_, _, slope) = plan.kernel.coefficients();
     let degree = plan.degree() as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
-    1e-5 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
+    1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
 }
 
 /// A panorama without its mean.

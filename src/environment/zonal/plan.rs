@@ -16,11 +16,12 @@ use super::lanes::InstructionSet;
 use crate::environment::kernel::Kernel;
 use crate::environment::panorama::Panorama;
 use crate::environment::DARK_FLOOR;
+use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// Kernels wider than this have a horizon that shows: their λ_l fall off algebraically.
 pub(super) const WIDE: f64 = 0.1;
-/// The least degree of a wide kernel.
-const WIDE_DEGREE: usize = 256;
+/// The least degree of a wide kernel, unless a map is hard.
+pub(super) const WIDE_DEGREE: usize = 256;
 /// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
 pub(super) const MOST_DEGREE: usize = 3500;
 /// The relative error of truncation at the peak that the degree is chosen for.
@@ -46,11 +47,11 @@ pub(super) struct Plan {
 
 impl Plan {
     /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
-    /// [`MOST_DEGREE`] degrees.
-    pub fn new(kernel: Kernel, darkest: f64, instructions: InstructionSet) -> Option<Self> {
+    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`.
+    pub fn new(kernel: Kernel, darkest: f64, least_wide: usize, instructions: InstructionSet) -> Option<Self> {
         let alpha = kernel.alpha();
         let width = 2.0 * alpha;
-        let most = ((REACH / alpha).ceil() as usize).max(WIDE_DEGREE);
+        let most = ((REACH / alpha).ceil() as usize).max(least_wide);
         if most > MOST_DEGREE * 4 / 3 {
             return None;
         }
@@ -60,7 +61,7 @@ impl Plan {
         let step = (most / 64).max(1);
         let peak = Remainder::new(&value, width, 1.2).relative(&lambda, step, floor);
         let enough = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step);
-        let degree = if alpha > WIDE { enough.max(WIDE_DEGREE) } else { enough }.min(most);
+        let degree = if alpha > WIDE { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
         }
@@ -112,10 +113,20 @@ fn grid(width: f64, degree: usize) -> [usize; 2] {
     [rings, Fft::fast_length(columns)]
 }
 
-/// Gauss points per row: the kernel's singularities lie `width` away, so n points on rows of height h leave (h/4 width)^2n.
-pub(super) fn points(narrowest: f64, height: usize) -> usize {
+/// Gauss points for a row, on [0, 1].
+///
+/// The kernel's singularities lie `narrowest` away, so n points on a part of height h leave (h/4 narrowest)^2n. A row higher than the
+/// kernel is wide is cut into parts. Two points at least: a row also holds part of a period of the highest degrees of a kink.
+pub(super) fn row_rule(narrowest: f64, height: usize) -> Rule {
+    /// Of a part: 0.3^12 is 5e-7.
+    const LARGEST: f64 = 0.3;
     let ratio = PI / height as f64 / (4.0 * narrowest);
-    (1..12).find(|&n| ratio.powi(2 * n) < 1e-6).unwrap_or(12) as usize
+    let parts = (ratio / LARGEST).ceil().max(1.0);
+    let n = (2..6).find(|&n| (ratio / parts).powi(2 * n) < 1e-6).unwrap_or(6) as usize;
+    let part = gauss_legendre(n);
+    let nodes = (0..parts as usize).flat_map(|i| part.nodes.iter().map(move |t| (i as f64 + t) / parts)).collect();
+    let weights = part.weights.iter().map(|w| w / parts).cycle().take(n * parts as usize).collect();
+    Rule { nodes, weights }
 }
 
 /// About how dark the darkest output of a kernel is, in parts of its channel's mean; from a coarse map of cells, rather too dark than
