@@ -20,6 +20,12 @@ use crate::math::quadrature::{Rule, gauss_legendre};
 /// A rule of points per side may be used where extent/δ is at most this; then (h/4δ)^2n is below 1e-7.
 const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
 
+/// Extents below which a box is flat enough, in radians: the sphere bends by 2e-4 of it.
+const FLAT: f64 = 0.02;
+
+/// Largest panorama, in texels, whose channels are also kept apart, for speed.
+const LARGEST_APART: usize = 1 << 21;
+
 /// A panorama made ready for exact sums.
 #[derive(Debug, Clone)]
 pub struct FullSum<'a> {
@@ -31,6 +37,8 @@ pub struct FullSum<'a> {
     azimuths: Vec<(f64, f64)>,
     /// Whether the row holds anything beyond the base.
     occupied: Vec<bool>,
+    /// The channels one by one, of a panorama that is not too large.
+    apart: Option<[Vec<f32>; 3]>,
     instructions: InstructionSet,
 }
 
@@ -70,7 +78,9 @@ impl<'a> FullSum<'a> {
             .map(|position| TAU * position / panorama.width() as f64 - PI)
             .map(|phi| (phi.cos(), phi.sin()))
             .collect();
-        Self { panorama, base: base.map(f64::from), rules, azimuths, occupied, instructions: InstructionSet::detect() }
+        let apart = (panorama.texels().len() <= LARGEST_APART)
+            .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect()));
+        Self { panorama, base: base.map(f64::from), rules, azimuths, occupied, apart, instructions: InstructionSet::detect() }
     }
 
     /// ∫ K(axis·l) L(l) dl, to about 1e-6 relative.
@@ -84,12 +94,7 @@ impl<'a> FullSum<'a> {
             if !self.row_weights(row, &lobe, &along, &mut weights) {
                 continue;
             }
-            let mut row_sum = [0.0; 3];
-            for (weight, texel) in weights.iter().zip(self.panorama.row(row)) {
-                for c in 0..3 {
-                    row_sum[c] += weight * (f64::from(texel[c]) - self.base[c]);
-                }
-            }
+            let row_sum = self.row_sum(row, &weights);
             for c in 0..3 {
                 sum[c].add(row_sum[c]);
             }
@@ -107,6 +112,26 @@ impl<'a> FullSum<'a> {
             value
         };
         Cube { size, texels: (0..6 * size * size).into_par_iter().map(texel).collect() }
+    }
+
+    /// Σ weight × (radiance − base) over a row.
+    fn row_sum(&self, row: usize, weights: &[f64]) -> [f64; 3] {
+        if let Some(apart) = &self.apart {
+            let width = self.panorama.width();
+            return self.instructions.run(
+                #[inline(always)]
+                || {
+                    std::array::from_fn(|c| dot(weights, &apart[c][row * width..][..width], self.base[c]))
+                },
+            );
+        }
+        let mut sum = [0.0; 3];
+        for (weight, texel) in weights.iter().zip(self.panorama.row(row)) {
+            for c in 0..3 {
+                sum[c] += weight * (f64::from(texel[c]) - self.base[c]);
+            }
+        }
+        sum
     }
 
     /// Integrals of the kernel over the texels of a row; false if the whole row is below the horizon.
@@ -195,8 +220,12 @@ impl<'a> FullSum<'a> {
             return 0.0;
         }
         match RULES.iter().position(|(_, ratio)| extent <= ratio * delta) {
-            // The horizon leaves a kink in θ where it meets the box's corners: never the smallest rule there.
-            Some(rule) if c < 1.01 * reach => self.product(patch, lobe, &self.rules[rule.max(RULES.len() - 1)]),
+            // Cut at the horizon and at its crossings with the box's sides, a small box leaves polynomials of low degree, which
+            // three points integrate exactly; a large one bends the horizon.
+            Some(_) if c < 1.01 * reach => {
+                let rule = if extent < FLAT { 1 } else { RULES.len() - 1 };
+                self.product(patch, lobe, &self.rules[rule])
+            }
             Some(rule) => self.product(patch, lobe, &self.rules[rule]),
             None => {
                 let halves = |[low, high]: [f64; 2], middle: f64| [[low, middle], [middle, high]];
@@ -245,6 +274,21 @@ impl<'a> FullSum<'a> {
         }
         sum
     }
+}
+
+/// Σ weight × (value − base), in one order on every processor.
+#[inline(always)]
+fn dot(weights: &[f64], values: &[f32], base: f64) -> f64 {
+    let mut sums = [0.0; 8];
+    let (weights, rest_weights) = weights.as_chunks::<8>();
+    let (values, rest_values) = values.as_chunks::<8>();
+    for (weights, values) in weights.iter().zip(values) {
+        for i in 0..8 {
+            sums[i] += weights[i] * (f64::from(values[i]) - base);
+        }
+    }
+    let rest = rest_weights.iter().zip(rest_values).map(|(w, v)| w * (f64::from(*v) - base)).sum::<f64>();
+    sums.iter().sum::<f64>() + rest
 }
 
 /// Columns that are looked at together for texels to mend.

@@ -17,6 +17,7 @@ mod plan;
 mod synthesis;
 
 use std::f64::consts::PI;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -48,6 +49,8 @@ pub struct Zonal<'a> {
     instructions: InstructionSet,
     /// Wide kernels, then narrow ones.
     parts: Vec<Part>,
+    /// The last rings that were asked for: a chain that ends at alpha 1 and the irradiance share theirs.
+    last: Mutex<Option<(Kernel, Arc<Rings>)>>,
 }
 
 /// Some kernels, and the panorama as they see it: most of it as coefficients.
@@ -70,7 +73,7 @@ pub struct Function<'a> {
     zonal: &'a Zonal<'a>,
     kernel: Kernel,
     /// Nothing if the kernel is too narrow for harmonics.
-    rings: Option<(&'a Part, Rings)>,
+    rings: Option<(&'a Part, Arc<Rings>)>,
     /// Degrees of the harmonics; 0 if texels are summed instead.
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
@@ -91,7 +94,7 @@ impl<'a> Zonal<'a> {
         }
         let parts = plans.into_iter().zip(MOST_PEELED).filter(|(plans, _)| !plans.is_empty());
         let parts = parts.map(|(plans, most)| Part::patient(panorama, plans, most, instructions)).collect();
-        Self { panorama, exact: FullSum::new(panorama), instructions, parts }
+        Self { panorama, exact: FullSum::new(panorama), instructions, parts, last: Mutex::new(None) }
     }
 
     /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
@@ -101,7 +104,13 @@ impl<'a> Zonal<'a> {
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
             return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0, range };
         };
-        let rings = Rings::new(&part.coefficients, &plan.eigenvalues, plan.grid, self.instructions);
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let rings = match &*last {
+            Some((of, rings)) if of == kernel => rings.clone(),
+            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, plan.grid, self.instructions)),
+        };
+        *last = Some((*kernel, rings.clone()));
+        drop(last);
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
         Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation, range }
     }
@@ -202,7 +211,7 @@ impl Part {
             }
             (0..3).for_each(|c| norm2[c] += sum[c] * rest.solid_angle(row));
         }
-        let rule = row_rule(2.0 * narrowest, panorama.height());
+        let rule = row_rule(2.0 * narrowest, degree, panorama.height());
         let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];

@@ -85,7 +85,7 @@ fn lit(width: usize, seed: u64, sun: (usize, usize)) -> Panorama {
     super::super::test_maps::random(width, seed, Some(sun))
 }
 
-const ALPHAS: [f64; 6] = [0.01, 0.03, 1.0 / 16.0, 0.25, 9.0 / 16.0, 1.0];
+const ALPHAS: [f64; 4] = [0.05, 0.25, 9.0 / 16.0, 1.0];
 
 fn kernels(alphas: &[f64]) -> Vec<Kernel> {
     alphas.iter().map(|&a| Kernel::new(a)).collect()
@@ -94,12 +94,22 @@ fn kernels(alphas: &[f64]) -> Vec<Kernel> {
 /// The goal: 1e-4 of the value, or of 1e-3 of the mean. At the sun, beside it, across its horizon, at poles, edges and corners.
 #[test]
 fn every_level_is_within_1e_4_of_the_full_sum_wherever_errors_hide() {
-    // The sun in the middle, in the first column, in the corner of the map (at a pole), and in a row of odd maps' equators.
-    for (width, sun) in [(128, (37, 20)), (128, (0, 31)), (96, (0, 0)), (34, (20, 8)), (10, (4, 1)), (4, (1, 0))] {
+    // The sun in the middle, in the first column, in the corner of the map (at a pole), in the equator of maps of odd height; the last
+    // kernel is the narrowest that the goal names on its map of 1024 × 512, as wide in texels.
+    let usual = &ALPHAS[..];
+    let cases = [
+        (128, (37, 20), usual),
+        (128, (0, 31), &[0.04]),
+        (96, (0, 0), usual),
+        (34, (20, 8), usual),
+        (10, (4, 2), usual),
+        (4, (1, 0), usual),
+    ];
+    for (width, sun, alphas) in cases {
         let panorama = lit(width, 3, sun);
         let (mean, exact) = (panorama.mean(), FullSum::new(&panorama));
-        let zonal = Zonal::new(&panorama, &kernels(&ALPHAS), InstructionSet::detect());
-        for kernel in kernels(&ALPHAS) {
+        let zonal = Zonal::new(&panorama, &kernels(alphas), InstructionSet::detect());
+        for kernel in kernels(alphas) {
             let function = zonal.function(&kernel);
             for direction in aims(&panorama) {
                 let (got, wanted) = (function.at(direction), exact.evaluate(direction, &kernel));
@@ -166,7 +176,7 @@ fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
         let panorama = lit(width, 8, sun);
         let map = BeyondMean { panorama: &panorama, mean: panorama.mean() };
         for narrowest in [1.0, 0.01, 1e-3] {
-            let coefficients = analyse(&map, 4, &row_rule(narrowest, width / 2), InstructionSet::detect());
+            let coefficients = analyse(&map, 4, &row_rule(narrowest, 4, width / 2), InstructionSet::detect());
             for c in 0..3 {
                 // f_00 Y_00 is the mean; it was taken off already.
                 let off = coefficients.orders[0][0][c] / (4.0 * PI).sqrt() / panorama.mean()[c];
