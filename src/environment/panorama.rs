@@ -100,7 +100,8 @@ impl Panorama {
     /// The same panorama with other texels, as many and all finite.
     pub(super) fn with_texels(&self, texels: Vec<[f32; 3]>) -> Self {
         debug_assert_eq!(texels.len(), self.texels.len());
-        let mut panorama = Self { texels, ..self.clone() };
+        let row_edges = self.row_edges.clone();
+        let mut panorama = Self { width: self.width, height: self.height, texels, row_edges, mean: [0.0; 3] };
         panorama.mean = panorama.compute_mean();
         panorama
     }

@@ -61,12 +61,20 @@ impl Peel {
     fn take(panorama: &Panorama, least: f64, least_share: f64, most: usize) -> (Self, Panorama) {
         let (width, height) = (panorama.width(), panorama.height());
         let mean = panorama.mean().iter().sum::<f64>();
+        let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
         let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
         for top in (0..height).step_by(BLOCK) {
             for left in (0..width).step_by(BLOCK) {
                 let rows = top..(top + BLOCK).min(height);
                 let columns = left..(left + BLOCK).min(width);
                 let places = || rows.clone().flat_map(|r| columns.clone().map(move |c| r * width + c));
+                // Nothing here may be an outlier even against the darkest texel.
+                let brightest = |i: usize| panorama.texels()[i].iter().map(|&v| f64::from(v)).sum::<f64>();
+                let most_excess = places().map(brightest).fold(f64::NEG_INFINITY, f64::max) - darkest;
+                let widest = rows.clone().map(|r| panorama.solid_angle(r)).fold(0.0, f64::max);
+                if most_excess * widest < least_share * 4.0 * PI * mean.abs() {
+                    continue;
+                }
                 let median = median(places().map(|i| panorama.texels()[i]).collect());
                 let surroundings = median.iter().map(|&v| f64::from(v)).sum::<f64>().max(1e-3 * mean);
                 let block_angle: f64 =

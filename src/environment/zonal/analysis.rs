@@ -175,24 +175,20 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
         .iter()
         .map(|b| b.points.iter().map(|(places, weight)| places.start(m, scale(*weight, norm))).collect())
         .collect();
-    let mut result = vec![];
+    let mut result = Vec::with_capacity(order.a.len());
+    let (mut q, mut chunk) = ([[ZERO; CHUNK]; GROUP], [ZERO; CHUNK]);
     for (a, s) in order.a.as_chunks::<CHUNK>().0.iter().zip(order.s.as_chunks::<CHUNK>().0) {
         let mut sums = [[ZERO; PARTS]; CHUNK];
         for (blocks, walks) in blocks.chunks(GROUP).zip(walks.chunks_mut(GROUP)) {
-            let mut q = [[ZERO; CHUNK]; GROUP];
             let mut spectra: [&[V; 2 * PARTS]; GROUP] = [&[ZERO; 2 * PARTS]; GROUP];
             let mut n = 0;
             for (block, walks) in blocks.iter().zip(walks) {
-                let mut chunk = [ZERO; CHUNK];
                 let mut any = false;
                 for ((places, _), walk) in block.points.iter().zip(walks) {
-                    if walk.advance(places.cos, a, &mut chunk) {
-                        if any {
-                            add_chunk(&mut q[n], &chunk);
-                        } else {
-                            q[n] = chunk;
-                        }
-                        any = true;
+                    if !any {
+                        any = walk.advance(places.cos, a, &mut q[n]);
+                    } else if walk.advance(places.cos, a, &mut chunk) {
+                        add_chunk(&mut q[n], &chunk);
                     }
                 }
                 if any {

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::lanes::{InstructionSet, LANES, V, ZERO, total};
-use crate::environment::full_sum::{FullSum, Lobe};
+use crate::environment::full_sum::{FullSum, Lobe, flat_horizon};
 use crate::environment::kernel::Kernel;
 use crate::environment::panorama::Panorama;
 use crate::environment::peel::Peel;
@@ -73,6 +73,7 @@ impl Bright {
         Self { peel, blocks, extent: dtheta.max(dphi), reach }
     }
 
+    #[cfg(test)]
     pub fn len(&self) -> usize {
         self.peel.len()
     }
@@ -82,17 +83,20 @@ impl Bright {
         if self.blocks.is_empty() {
             return [0.0; 3];
         }
-        let lobe = Lobe::new(axis, kernel);
         // d = 1 − βc is small where the texel is near the singularities: d = (1 − β) + β|R − l|²/2, |R − l|² + width² ≥ near².
         let (beta, one_minus_beta, _) = kernel.coefficients();
-        let near = one_minus_beta + 0.5 * beta * ((NEAR * self.extent).powi(2) - lobe.width2()).max(0.0);
-        let near = if (NEAR * self.extent).powi(2) > lobe.width2() { near } else { 0.0 };
+        let beyond = (NEAR * self.extent).powi(2) - kernel.width2();
+        let near = if beyond > 0.0 { one_minus_beta + 0.5 * beta * beyond } else { 0.0 };
         let mut special = vec![];
         let sum = instructions.run(
             #[inline(always)]
             || self.sum(axis, kernel, near, &mut special),
         );
-        let mut sum = sum.map(total);
+        let mut sum = [total(sum[0]), total(sum[1]), total(sum[2])];
+        if special.is_empty() {
+            return sum;
+        }
+        let lobe = Lobe::new(axis, kernel);
         for i in special {
             let (block, lane) = (&self.blocks[i / LANES], i % LANES);
             let weight = self.special(i, axis, kernel, &lobe, near, exact);
@@ -143,26 +147,14 @@ impl Bright {
         let (block, lane) = (&self.blocks[i / LANES], i % LANES);
         let [x, y, z] = block.middle.map(|v| v[lane]);
         let c = axis.dot(DVec3::new(x, y, z));
-        let (beta, one_minus_beta, norm) = kernel.coefficients();
+        let (beta, one_minus_beta, _) = kernel.coefficients();
         if one_minus_beta + beta * (1.0 - c) < near || i < BRIGHTEST {
             let (index, solid_angle) = self.peel.texel(i);
             return exact.texel_weight(index, lobe) / solid_angle;
         }
         let g = axis.dot(DVec3::from(block.down.map(|v| v[lane]))).abs();
         let h = (axis.x * block.across[0][lane] + axis.z * block.across[1][lane]).abs();
-        let (long, short) = (g.max(h), g.min(h));
-        // Σ ± (c ± g ± h)₊ⁿ⁺² / ((n + 1)(n + 2) · 4gh) is the mean of (c)₊ⁿ; where one side hardly matters, that of a line.
-        let power = |n: i32| {
-            let at = |x: f64, n: i32| x.max(0.0).powi(n);
-            let n_f = f64::from(n);
-            if short < 1e-3 * long {
-                (at(c + long, n + 1) - at(c - long, n + 1)) / (2.0 * long * (n_f + 1.0))
-            } else {
-                let corners = at(c + g + h, n + 2) - at(c + g - h, n + 2) - at(c - g + h, n + 2) + at(c - g - h, n + 2);
-                corners / (4.0 * g * h * (n_f + 1.0) * (n_f + 2.0))
-            }
-        };
-        norm * (power(1) + 2.0 * beta * power(2))
+        flat_horizon(c, [g, h], kernel)
     }
 }
 

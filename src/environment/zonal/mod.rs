@@ -38,6 +38,9 @@ use synthesis::Rings;
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
 const MOST_PEELED: [usize; 2] = [1024, 64];
 
+/// Peeled texels that all kernels may as well share.
+const FEW: usize = 16;
+
 /// A bound of truncation above this, which is some thousand times what truncation does, asks for more degrees.
 const HARD: f64 = 1e-2;
 
@@ -49,6 +52,8 @@ pub struct Zonal<'a> {
     instructions: InstructionSet,
     /// Wide kernels, then narrow ones.
     parts: Vec<Part>,
+    /// The darkest and the brightest texel: no average lies beyond.
+    range: [[f64; 3]; 2],
     /// The last rings that were asked for: a chain that ends at alpha 1 and the irradiance share theirs.
     last: Mutex<Option<(Kernel, Arc<Rings>)>>,
 }
@@ -78,8 +83,6 @@ pub struct Function<'a> {
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
     pub truncation: f64,
-    /// The darkest and the brightest texel: no average lies beyond.
-    range: [[f64; 3]; 2],
 }
 
 impl<'a> Zonal<'a> {
@@ -92,17 +95,16 @@ impl<'a> Zonal<'a> {
             let side = usize::from(kernel.alpha() <= WIDE);
             plans[side].extend(Plan::new(*kernel, darkest, WIDE_DEGREE, instructions));
         }
-        let parts = plans.into_iter().zip(MOST_PEELED).filter(|(plans, _)| !plans.is_empty());
-        let parts = parts.map(|(plans, most)| Part::patient(panorama, plans, most, instructions)).collect();
-        Self { panorama, exact: FullSum::new(panorama), instructions, parts, last: Mutex::new(None) }
+        let parts = parts(panorama, plans, instructions);
+        let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
+        Self { panorama, exact: FullSum::new(panorama), instructions, parts, range, last: Mutex::new(None) }
     }
 
     /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
     pub fn function(&'a self, kernel: &Kernel) -> Function<'a> {
         let of = |part: &'a Part| part.plans.iter().find(|plan| plan.kernel == *kernel).map(|plan| (part, plan));
-        let range = [self.panorama.min(), self.panorama.max()].map(|texel| texel.map(f64::from));
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
-            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0, range };
+            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0 };
         };
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let rings = match &*last {
@@ -112,28 +114,36 @@ impl<'a> Zonal<'a> {
         *last = Some((*kernel, rings.clone()));
         drop(last);
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
-        Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation, range }
+        Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation }
     }
 }
 
 impl Function<'_> {
     /// The value in a unit direction.
+    #[inline(always)]
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
         let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
         let smooth = rings.at(direction);
         let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
-        std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(self.range[0][c], self.range[1][c]))
+        let [low, high] = self.zonal.range;
+        std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
     }
 
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
     pub fn cube(&self, size: usize, finished: &(dyn Fn(u64) + Sync)) -> Cube {
         let mut texels = vec![[0.0; 3]; 6 * size * size];
         texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
-            for (i, texel) in out.iter_mut().enumerate() {
-                *texel = self.at(texel_direction(size, line * size + i)).map(|v| v as f32);
-            }
+            self.zonal.instructions.run(
+                #[inline(always)]
+                || {
+                    for (i, texel) in out.iter_mut().enumerate() {
+                        let value = self.at(texel_direction(size, line * size + i));
+                        *texel = [value[0] as f32, value[1] as f32, value[2] as f32];
+                    }
+                },
+            );
             finished(size as u64);
         });
         Cube { size, texels }
@@ -185,20 +195,23 @@ fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 
 impl Part {
     /// With more degrees where those that usually do leave too much out.
-    fn patient(panorama: &Panorama, plans: Vec<Plan>, most_peeled: usize, instructions: InstructionSet) -> Self {
-        let part = Self::new(panorama, plans, most_peeled, instructions);
+    fn patient(panorama: &Panorama, plans: Vec<Plan>, peeled: Peeled, instructions: InstructionSet) -> Self {
+        let part = Self::new(panorama, plans, peeled, instructions);
         let mean = panorama.mean();
         let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
         if part.plans.iter().all(|plan| plan.kernel.alpha() <= WIDE || left(plan) <= HARD) {
             return part;
         }
-        let more = |plan: &Plan| Plan::new(plan.kernel, plan.darkest, 3 * WIDE_DEGREE / 2, instructions);
-        Self::new(panorama, part.plans.iter().filter_map(more).collect(), most_peeled, instructions)
+        let more = |plan: Plan| match plan.kernel.alpha() > WIDE {
+            true => Plan::new(plan.kernel, plan.darkest, 3 * WIDE_DEGREE / 2, instructions),
+            false => Some(plan),
+        };
+        let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();
+        let peeled = peel(panorama, &plans);
+        Self::new(panorama, plans, peeled, instructions)
     }
 
-    fn new(panorama: &Panorama, plans: Vec<Plan>, most_peeled: usize, instructions: InstructionSet) -> Self {
-        let least_share = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
-        let (peel, rest) = Peel::strongest(panorama, least_share, most_peeled);
+    fn new(panorama: &Panorama, plans: Vec<Plan>, (peel, rest): Peeled, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
         let narrowest = plans.iter().map(|plan| plan.kernel.alpha()).fold(1.0, f64::min);
         let (mean, whole) = (rest.mean(), panorama.mean());
@@ -217,6 +230,36 @@ impl Part {
         coefficients.orders[0][0] = [0.0; 6];
         Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients }
     }
+}
+
+/// What is peeled off, and the panorama without it.
+type Peeled = (Peel, Panorama);
+
+/// The texels that show across the horizon of one of these kernels, and the panorama without them.
+fn peel(panorama: &Panorama, plans: &[Plan]) -> Peeled {
+    let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
+    let is_wide = plans.iter().any(|plan| plan.kernel.alpha() > WIDE);
+    Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
+}
+
+/// Kernels that see the same panorama: all of them, if wide ones ask for few texels to be peeled off; else wide ones, and narrow
+/// ones, which are asked at more directions.
+fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: InstructionSet) -> Vec<Part> {
+    let mut parts = vec![];
+    let mut rest = narrow;
+    if !wide.is_empty() {
+        let peeled = peel(panorama, &wide);
+        let mut plans = wide;
+        if peeled.0.len() <= FEW {
+            plans.append(&mut rest);
+        }
+        parts.push(Part::patient(panorama, plans, peeled, instructions));
+    }
+    if !rest.is_empty() {
+        let peeled = peel(panorama, &rest);
+        parts.push(Part::patient(panorama, rest, peeled, instructions));
+    }
+    parts
 }
 
 /// The part of the light that a texel must hold for the kernel's horizon to show, and to be peeled off.

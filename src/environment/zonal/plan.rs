@@ -136,7 +136,7 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
 pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel) -> f64 {
     /// Cells do not resolve narrower kernels.
     const NARROWEST: f64 = 0.1;
-    const DIRECTIONS: usize = 500;
+    const DIRECTIONS: usize = 256;
     let (mean, kernel) = (panorama.mean(), Kernel::new(kernel.alpha().max(NARROWEST)));
     let mut darkest = 1.0f64;
     for i in 0..DIRECTIONS {
@@ -163,17 +163,18 @@ pub(super) struct Cell {
     solid_angle: f64,
 }
 
-/// The map in some 48 × 24 cells.
+/// The map in some 32 × 16 cells.
 pub(super) fn cells(panorama: &Panorama) -> Vec<Cell> {
     let (width, height) = (panorama.width(), panorama.height());
-    let (across, down) = (width.min(48), height.min(24));
+    let (across, down) = (width.min(32), height.min(16));
     let mut cells: Vec<Cell> =
         (0..across * down).map(|_| Cell { direction: DVec3::ZERO, flux: [0.0; 3], solid_angle: 0.0 }).collect();
     let columns: Vec<usize> = (0..width).map(|column| column * across / width).collect();
     for row in 0..height {
         let solid_angle = panorama.solid_angle(row);
-        for (column, texel) in panorama.row(row).iter().enumerate() {
-            let cell = &mut cells[row * down / height * across + columns[column]];
+        let cells = &mut cells[row * down / height * across..][..across];
+        for (&column, texel) in columns.iter().zip(panorama.row(row)) {
+            let cell = &mut cells[column];
             (0..3).for_each(|c| cell.flux[c] += f64::from(texel[c]) * solid_angle);
             cell.solid_angle += solid_angle;
         }
