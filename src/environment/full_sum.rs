@@ -80,7 +80,15 @@ impl<'a> FullSum<'a> {
             .collect();
         let apart = (panorama.texels().len() <= LARGEST_APART)
             .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect()));
-        Self { panorama, base: base.map(f64::from), rules, azimuths, occupied, apart, instructions: InstructionSet::detect() }
+        Self {
+            panorama,
+            base: base.map(f64::from),
+            rules,
+            azimuths,
+            occupied,
+            apart,
+            instructions: InstructionSet::detect(),
+        }
     }
 
     /// ∫ K(axis·l) L(l) dl, to about 1e-6 relative.
@@ -360,13 +368,7 @@ fn add_line(weights: &mut [f64], along: &[f64], [up, sin, scale]: [f64; 3], kern
 impl<'a> Lobe<'a> {
     /// The lobe about a unit axis.
     pub(super) fn new(axis: DVec3, kernel: &'a Kernel) -> Self {
-        Self {
-            kernel,
-            axis,
-            azimuth: axis.z.atan2(axis.x),
-            horizontal: axis.x.hypot(axis.z),
-            width2: kernel.width2(),
-        }
+        Self { kernel, axis, azimuth: axis.z.atan2(axis.x), horizontal: axis.x.hypot(axis.z), width2: kernel.width2() }
     }
 
     /// Squared distance of the kernel's singularities from its axis.

@@ -101,8 +101,7 @@ fn column_factors(width: usize, degree: usize) -> Vec<(f64, f64)> {
 fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Places, V)>, f64) {
     let points = rule.nodes.len();
     let n = height as f64;
-    let (mut cos, mut sin, mut weights) =
-        (vec![ZERO; points], vec![[1.0; LANES]; points], vec![ZERO; points]);
+    let (mut cos, mut sin, mut weights) = (vec![ZERO; points], vec![[1.0; LANES]; points], vec![ZERO; points]);
     let mut largest_sin = 0.0f64;
     for lane in 0..LANES {
         let row = first + lane;
@@ -128,12 +127,7 @@ fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Plac
 }
 
 #[inline(always)]
-fn spectrum(
-    map: &dyn Texels,
-    rows: std::ops::Range<usize>,
-    fft: &Fft,
-    factors: &[(f64, f64)],
-) -> Vec<[V; 2 * PARTS]> {
+fn spectrum(map: &dyn Texels, rows: std::ops::Range<usize>, fft: &Fft, factors: &[(f64, f64)]) -> Vec<[V; 2 * PARTS]> {
     let [width, height] = map.shape();
     let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
     let (mut x, mut spare) = (vec![Complex::ZERO; width], vec![Complex::ZERO; width]);

@@ -113,7 +113,7 @@ impl Bright {
         for (b, block) in self.blocks.iter().enumerate() {
             let mut weights = ZERO;
             let mut any = false;
-            for i in 0..LANES {
+            for (i, weight) in weights.iter_mut().enumerate() {
                 let c = axis.x * block.middle[0][i] + axis.y * block.middle[1][i] + axis.z * block.middle[2][i];
                 let g = axis.x * block.down[0][i] + axis.y * block.down[1][i] + axis.z * block.down[2][i];
                 let h = axis.x * block.across[0][i] + axis.z * block.across[1][i];
@@ -124,7 +124,7 @@ impl Bright {
                 let value = norm * r * r * (c + curvature * (g * g + h * h) / 6.0);
                 let odd = c.abs() < self.reach || (d < near && c > 0.0);
                 any |= odd;
-                weights[i] = if c > 0.0 && !odd { value } else { 0.0 };
+                *weight = if c > 0.0 && !odd { value } else { 0.0 };
             }
             for (sum, flux) in sums.iter_mut().zip(&block.flux) {
                 *sum = std::array::from_fn(|i| sum[i] + weights[i] * flux[i]);

@@ -38,10 +38,7 @@ impl Complex {
 
     #[inline(always)]
     fn times(self, (cos, sin): (f64, f64)) -> Self {
-        Self {
-            re: sub(scale(self.re, cos), scale(self.im, sin)),
-            im: add(scale(self.re, sin), scale(self.im, cos)),
-        }
+        Self { re: sub(scale(self.re, cos), scale(self.im, sin)), im: add(scale(self.re, sin), scale(self.im, cos)) }
     }
 
     #[inline(always)]

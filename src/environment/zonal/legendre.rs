@@ -153,13 +153,13 @@ impl Walk {
         let mut active = false;
         for first in (0..CHUNK).step_by(LOOK) {
             let mut mask = ZERO;
-            for lane in 0..LANES {
+            for (lane, mask) in mask.iter_mut().enumerate() {
                 if self.exponent[lane] < 0 && self.current[lane].abs() > LARGE {
                     self.current[lane] *= SHRINK;
                     self.before[lane] *= SHRINK;
                     self.exponent[lane] += 1;
                 }
-                mask[lane] = f64::from(u8::from(self.exponent[lane] == 0));
+                *mask = f64::from(u8::from(self.exponent[lane] == 0));
             }
             active |= mask != ZERO;
             for k in first..first + LOOK {

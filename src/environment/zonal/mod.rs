@@ -29,8 +29,8 @@ use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::panorama::Panorama;
 use super::peel::Peel;
-use bright::Bright;
 use analysis::{Coefficients, Texels, analyse};
+use bright::Bright;
 use lanes::V;
 use plan::{Plan, WIDE, WIDE_DEGREE, cells, darkest, row_rule};
 use synthesis::Rings;
@@ -180,7 +180,8 @@ fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
     let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
-    let mut aims = vec![sun, -sun, DVec3::Y, DVec3::NEG_Y, DVec3::ONE.normalize(), DVec3::new(1.0, 0.0, 1.0).normalize()];
+    let mut aims =
+        vec![sun, -sun, DVec3::Y, DVec3::NEG_Y, DVec3::ONE.normalize(), DVec3::new(1.0, 0.0, 1.0).normalize()];
     for away in [side, up, -side, -up] {
         aims.extend(BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4))));
         aims.extend(ACROSS.map(|angle| towards(away, 0.5 * PI - angle)));
@@ -203,7 +204,7 @@ impl Part {
             return part;
         }
         let more = |plan: Plan| match plan.kernel.alpha() > WIDE {
-            true => Plan::new(plan.kernel, plan.darkest, 3 * WIDE_DEGREE / 2, instructions),
+            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, instructions),
             false => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();

@@ -13,9 +13,9 @@ use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
 use super::lanes::InstructionSet;
+use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::Kernel;
 use crate::environment::panorama::Panorama;
-use crate::environment::DARK_FLOOR;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// Kernels wider than this have a horizon that shows: their λ_l fall off algebraically.
@@ -73,7 +73,14 @@ impl Plan {
         let held: f64 = lambda.iter().enumerate().map(|(l, v)| (2.0 * l as f64 + 1.0) / (4.0 * PI) * v * v).sum();
         // Rounding leaves 1e-16 of ‖K‖², above or below zero.
         let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
-        Some(Self { kernel, grid: grid(width, degree), any_map: whole[0], eigenvalues: lambda, remainder_norm, darkest })
+        Some(Self {
+            kernel,
+            grid: grid(width, degree),
+            any_map: whole[0],
+            eigenvalues: lambda,
+            remainder_norm,
+            darkest,
+        })
     }
 
     pub fn degree(&self) -> usize {
@@ -124,7 +131,8 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
     let ratio = row / (4.0 * narrowest);
     let turn = 0.5 * row * degree as f64;
     let parts = (ratio / LARGEST).max(turn / 5.0).ceil().max(1.0);
-    let n = (2..6).find(|&n| (ratio / parts).powi(2 * n) < 1e-6 && turn / parts <= f64::from(n - 1)).unwrap_or(6) as usize;
+    let n =
+        (2..6).find(|&n| (ratio / parts).powi(2 * n) < 1e-6 && turn / parts <= f64::from(n - 1)).unwrap_or(6) as usize;
     let part = gauss_legendre(n);
     let nodes = (0..parts as usize).flat_map(|i| part.nodes.iter().map(move |t| (i as f64 + t) / parts)).collect();
     let weights = part.weights.iter().map(|w| w / parts).cycle().take(n * parts as usize).collect();

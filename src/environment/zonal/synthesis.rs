@@ -12,16 +12,17 @@ use super::legendre::{CHUNK, Order, Places, negligible, sectoral_norms};
 
 /// Taps of the interpolation in each angle.
 const TAPS: usize = 6;
-/// Copies of what lies beyond the poles and beyond a turn, so that taps need no wrapping.
-const MARGIN: usize = 4;
+/// Copies of what lies beyond a turn on each side, so that taps need no wrapping.
+const MARGIN: usize = 3;
 
 /// A function on a grid of rings θ = (k + 1/2) π/rings, φ = 2π j/columns.
 #[derive(Debug, Clone)]
 pub(super) struct Rings {
     rings: usize,
     columns: usize,
-    /// With [`MARGIN`] more on each side; the fourth value is padding.
-    values: Vec<[f64; 4]>,
+    /// Eight rings of the north with their mirror images, in turn, each with [`MARGIN`] more on each side; the fourth value is
+    /// padding.
+    strips: Vec<Vec<[f64; 4]>>,
 }
 
 /// Eight rings of the north and their mirror images.
@@ -60,24 +61,7 @@ impl Rings {
                 )
             })
             .collect();
-        let stride = columns + 2 * MARGIN;
-        let mut values = vec![[0.0; 4]; (rings + 2 * MARGIN) * stride];
-        values.par_chunks_mut(stride).enumerate().for_each(|(line, out)| {
-            // Over a pole, the ring on its other side comes half a turn away.
-            let line = line as isize - MARGIN as isize;
-            let (ring, turn) = match line {
-                l if l < 0 => ((-l - 1) as usize, columns / 2),
-                l if l >= rings as isize => (2 * rings - 1 - l as usize, columns / 2),
-                l => (l as usize, 0),
-            };
-            let (north, south) = (ring, rings - 1 - ring);
-            let (pair, side) = if north <= south { (north, 0) } else { (south, 1) };
-            let from = &strips[pair / LANES][(2 * (pair % LANES) + side) * columns..][..columns];
-            for (j, out) in out.iter_mut().enumerate() {
-                *out = from[(j + 2 * columns - MARGIN + turn) % columns];
-            }
-        });
-        Self { rings, columns, values }
+        Self { rings, columns, strips }
     }
 
     /// The value in a unit direction, by Lagrange interpolation of degree five in both angles.
@@ -92,19 +76,41 @@ impl Rings {
         let (ring, t) = split(theta * self.rings as f64 / PI - 0.5);
         let (column, u) = split(phi * self.columns as f64 / TAU);
         let (down, across) = (lagrange(t), lagrange(u));
-        let stride = self.columns + 2 * MARGIN;
-        let offset = MARGIN - (TAPS / 2 - 1);
-        let first = (ring + offset as isize) as usize * stride + column as usize + offset;
+        let column = column as usize;
         let mut sum = [0.0; 4];
         for (i, weight) in down.iter().enumerate() {
-            let taps = &self.values[first + i * stride..][..TAPS];
+            let taps = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column);
             let mut line = [0.0; 4];
             for (tap, weight) in taps.iter().zip(&across) {
-                line = std::array::from_fn(|c| line[c] + tap[c] * weight);
+                line = [
+                    line[0] + tap[0] * weight,
+                    line[1] + tap[1] * weight,
+                    line[2] + tap[2] * weight,
+                    line[3] + tap[3] * weight,
+                ];
             }
-            sum = std::array::from_fn(|c| sum[c] + line[c] * weight);
+            for (sum, line) in sum.iter_mut().zip(line) {
+                *sum += line * weight;
+            }
         }
         [sum[0], sum[1], sum[2]]
+    }
+}
+
+impl Rings {
+    /// The values around a column of a ring. Over a pole, the ring on its other side comes half a turn away.
+    #[inline(always)]
+    fn taps(&self, ring: isize, column: usize) -> &[[f64; 4]] {
+        let last = self.rings as isize - 1;
+        let (ring, column) = match ring {
+            r if r < 0 => (-1 - r, (column + self.columns / 2) % self.columns),
+            r if r > last => (2 * last + 1 - r, (column + self.columns / 2) % self.columns),
+            r => (r, column % self.columns),
+        };
+        let (north, south) = (ring as usize, (last - ring) as usize);
+        let (pair, side) = if north <= south { (north, 0) } else { (south, 1) };
+        let first = (2 * (pair % LANES) + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2;
+        &self.strips[pair / LANES][first..first + TAPS]
     }
 }
 
@@ -179,10 +185,11 @@ fn synthesise_order(
     }
 }
 
-/// The rings of one block, each pair as two rows of `columns` values: north, south.
+/// The rings of one block, each pair as two rows: north, south.
 #[inline(always)]
 fn strip(block: usize, blocks: usize, spectra: &[[V; 2 * PARTS]], fft: &Fft, columns: usize) -> Vec<[f64; 4]> {
-    let mut strip = vec![[0.0; 4]; 2 * LANES * columns];
+    let stride = columns + 2 * MARGIN;
+    let mut strip = vec![[0.0; 4]; 2 * LANES * stride];
     let (mut x, mut spare) = (vec![Complex::ZERO; columns], vec![Complex::ZERO; columns]);
     for channel in 0..3 {
         x.fill(Complex::ZERO);
@@ -201,9 +208,15 @@ fn strip(block: usize, blocks: usize, spectra: &[[V; 2 * PARTS]], fft: &Fft, col
         fft.forward(&mut x, &mut spare);
         for (j, value) in x.iter().enumerate() {
             for lane in 0..LANES {
-                strip[2 * lane * columns + j][channel] = value.re[lane];
-                strip[(2 * lane + 1) * columns + j][channel] = -value.im[lane];
+                strip[2 * lane * stride + MARGIN + j][channel] = value.re[lane];
+                strip[(2 * lane + 1) * stride + MARGIN + j][channel] = -value.im[lane];
             }
+        }
+    }
+    for row in strip.chunks_exact_mut(stride) {
+        for k in 0..MARGIN {
+            row[k] = row[columns + k];
+            row[columns + MARGIN + k] = row[MARGIN + k];
         }
     }
     strip
