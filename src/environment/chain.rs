@@ -74,6 +74,10 @@ pub const DARK_FLOOR: f64 = 1e-3;
 const AREA_AVERAGE_BOUND: f64 = 1e-7;
 const QUADRATURE_BOUND: f64 = 1e-6;
 
+/// The largest error of a zonal level is never said to be below this, however little was seen: what the grid of its rings is made to
+/// leave at a sun.
+const ZONAL_FLOOR: f64 = 1e-5;
+
 impl ChainSpec {
     /// The usual chain: from `size` down to `min_size`, with roughness rising evenly from 0 to 1.
     ///
@@ -222,7 +226,8 @@ impl<'a> Filter<'a> {
                     let report = self.report(&cube, roughness, "quadrature", 0, errors);
                     return (cube, report);
                 }
-                let errors = function.measure(&cube);
+                let (rms, largest) = function.measure(&cube);
+                let errors = (rms, largest.max(ZONAL_FLOOR));
                 let report = self.report(&cube, roughness, "zonal", 0, errors);
                 (cube, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }

@@ -73,11 +73,6 @@ impl Bright {
         Self { peel, blocks, extent: dtheta.max(dphi), reach }
     }
 
-    #[cfg(test)]
-    pub fn len(&self) -> usize {
-        self.peel.len()
-    }
-
     /// ∫ K(axis·l) over what was peeled off.
     pub fn evaluate(&self, axis: DVec3, kernel: &Kernel, exact: &FullSum, instructions: InstructionSet) -> [f64; 3] {
         if self.blocks.is_empty() {
