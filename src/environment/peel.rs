@@ -7,6 +7,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::full_sum::{FullSum, Lobe};
 use super::kernel::Kernel;
@@ -62,8 +63,9 @@ impl Peel {
         let (width, height) = (panorama.width(), panorama.height());
         let mean = panorama.mean().iter().sum::<f64>();
         let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
-        let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
-        for top in (0..height).step_by(BLOCK) {
+        let of_blocks = |block: usize| {
+            let top = block * BLOCK;
+            let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
             for left in (0..width).step_by(BLOCK) {
                 let rows = top..(top + BLOCK).min(height);
                 let columns = left..(left + BLOCK).min(width);
@@ -86,11 +88,14 @@ impl Peel {
                     let share = flux / (4.0 * PI * mean.abs());
                     let flux = flux / (surroundings * block_angle);
                     if flux > least && share >= least_share {
-                        candidates.push((flux, index, median));
+                        // Noise asks for the largest beside their surroundings, a kernel's horizon for the largest of all.
+                        candidates.push((if least_share > 0.0 { share } else { flux }, index, median));
                     }
                 }
             }
-        }
+            candidates
+        };
+        let mut candidates: Vec<_> = (0..height.div_ceil(BLOCK)).into_par_iter().flat_map_iter(of_blocks).collect();
         // The largest first; equal ones in the order of the panorama, so that the choice is the same on every run.
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         candidates.truncate(most);

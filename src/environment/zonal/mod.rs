@@ -217,14 +217,16 @@ impl Part {
         let narrowest = plans.iter().map(|plan| plan.kernel.alpha()).fold(1.0, f64::min);
         let (mean, whole) = (rest.mean(), panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
-        let mut norm2 = [0.0; 3];
-        for row in 0..rest.height() {
+        let square = |row: usize| {
             let mut sum = [0.0; 3];
             for texel in rest.row(row) {
                 (0..3).for_each(|c| sum[c] += (f64::from(texel[c]) - mean[c]).powi(2));
             }
-            (0..3).for_each(|c| norm2[c] += sum[c] * rest.solid_angle(row));
-        }
+            sum.map(|s| s * rest.solid_angle(row))
+        };
+        // Rows on any thread, their sum in one order.
+        let rows: Vec<[f64; 3]> = (0..rest.height()).into_par_iter().map(square).collect();
+        let norm2 = std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum());
         let rule = row_rule(2.0 * narrowest, degree, panorama.height());
         let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
         // What is left of the mean is rounding.
