@@ -120,20 +120,34 @@ pub struct Level {
     pub size: usize,
     /// The artist's roughness; irradiance is the filter at 1.
     pub roughness: f64,
-    /// The witness that computed it: `area-average`, `monte-carlo` or `quadrature`.
+    /// What computed it: `area-average`, `zonal`, `monte-carlo` or `quadrature`.
     pub integrator: String,
     /// Points per texel; 0 for a deterministic level.
     pub samples: u64,
-    /// Largest standard error over texels and channels, in parts of max(value, 1e-3 × the channel's mean).
+    /// Largest error (of the kind below) over texels and channels, in parts of max(value, 1e-3 × the channel's mean).
     pub max_error: f64,
     /// Root mean square of the same.
     pub rms_error: f64,
     /// What these errors are.
     pub error_kind: ErrorKind,
+    /// Degrees of spherical harmonics, of a zonal level.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub degree: usize,
+    /// What leaving out higher degrees changes at most, on the scale of `max_error`; a bound, known before anything is measured.
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    pub truncation_bound: f64,
     /// Mean over the sphere, texels weighted by their solid angles.
     pub mean: [f64; 3],
     /// The same, in parts of the input's mean, minus 1: the largest of the channels.
     pub mean_drift: f64,
+}
+
+fn is_zero(value: &usize) -> bool {
+    *value == 0
+}
+
+fn is_nothing(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// The panorama behind an environment.

@@ -3,8 +3,7 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::chain::{ChainSpec, LevelReport, specular_chain};
-use crate::environment::irradiance::irradiance_cube;
+use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
 use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load, luminance};
 use crate::error::{Error, Result};
@@ -75,8 +74,10 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
         samples: samples as usize,
         seed: recipe.integration.seed,
         integrator: match recipe.integration.integrator {
-            Integrator::Quadrature => Integrator::Quadrature,
-            Integrator::Auto | Integrator::MonteCarlo => Integrator::MonteCarlo,
+            // Only the random witness takes samples.
+            Integrator::Auto if recipe.integration.samples.is_some() => Integrator::MonteCarlo,
+            Integrator::Auto => Integrator::Zonal,
+            chosen => chosen,
         },
     }
 }
@@ -160,13 +161,12 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let chain = specular_chain(panorama, &spec, progress)?;
-        let irradiance = irradiance_cube(panorama, &ChainSpec { size: recipe.irradiance_size, ..spec }, progress)?;
+        let (chain, irradiance) = chain_and_irradiance(panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {
             Some(tolerance) if worst > tolerance => {
-                if samples >= MOST_SAMPLES || settings.integrator == Integrator::Quadrature {
+                if samples >= MOST_SAMPLES || spec.integrator != Integrator::MonteCarlo {
                     return Err(Error::unsupported(
                         format!("tolerance {tolerance:e} is not reached: the worst level is off by {worst:.1e} RMS"),
                         format!("use --tolerance {:.0e}, or --integrator quadrature for a small cube", 2.0 * worst),
@@ -248,7 +248,13 @@ fn level(name: &str, report: &LevelReport) -> Level {
         samples: report.samples as u64,
         max_error: report.max_error,
         rms_error: report.rms_error,
-        error_kind: if report.samples == 0 { ErrorKind::Bound } else { ErrorKind::Sigma },
+        error_kind: match report.method.as_str() {
+            "zonal" => ErrorKind::Measured,
+            "monte-carlo" => ErrorKind::Sigma,
+            _ => ErrorKind::Bound,
+        },
+        degree: report.degree,
+        truncation_bound: report.truncation_bound,
         mean: report.mean,
         mean_drift: report.mean_deviation,
     }

@@ -41,7 +41,7 @@ impl TableValues<'_> {
     fn tolerance(&self, channel: usize, value: f64) -> f64 {
         let integration = match self.kinds[channel] {
             ErrorKind::Bound => self.errors[channel],
-            ErrorKind::Sigma => SIGMAS * self.errors[channel],
+            ErrorKind::Sigma | ErrorKind::Measured => SIGMAS * self.errors[channel],
         };
         // An ulp at the wanted value may be that of the next binade below: take the larger neighbour.
         integration + 0.5 * self.number.map_or(0.0, |number| number.ulp(value * (1.0 + 1e-3)))

@@ -17,6 +17,8 @@ pub enum IntegratorName {
     Quadrature,
     /// Random; errors are standard errors
     MonteCarlo,
+    /// Spherical harmonics, for environments: their default; errors are measured against the full sum
+    Zonal,
 }
 
 /// `--smith`, in words.
@@ -137,6 +139,7 @@ impl IntegrationArgs {
             Some(IntegratorName::Auto) => Integrator::Auto,
             Some(IntegratorName::Quadrature) => Integrator::Quadrature,
             Some(IntegratorName::MonteCarlo) => Integrator::MonteCarlo,
+            Some(IntegratorName::Zonal) => Integrator::Zonal,
         };
         // Samples and a tolerance exclude each other: the flag that is given drops the other one of the recipe.
         let (tolerance, samples) = match (self.tolerance, self.samples) {

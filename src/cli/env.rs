@@ -7,7 +7,7 @@ use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
 use kiln::bake::Source;
 use kiln::certificate::Certificate;
-use kiln::environment::{Negatives, NonFinite};
+use kiln::environment::{InstructionSet, Negatives, NonFinite};
 use kiln::format::FormatSpec;
 use kiln::recipe::EnvironmentRecipe;
 use kiln::{Error, Result};
@@ -128,11 +128,14 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         .iter()
         .map(|l| match l.integrator.as_str() {
             "area-average" => format!("{} {}² exact", l.name, l.size),
-            _ => format!("{} {}² ±{:.1} %", l.name, l.size, 100.0 * l.rms_error),
+            "monte-carlo" => format!("{} {}² ±{:.1} %", l.name, l.size, 100.0 * l.rms_error),
+            _ => format!("{} {}² within {:.0e}", l.name, l.size, l.max_error),
         })
         .collect();
+    let is_zonal = baked.certificate.levels.iter().any(|l| l.integrator == "zonal");
+    let with = if is_zonal { format!(" with {}", InstructionSet::detect().name()) } else { String::new() };
     console.note(&format!(
-        "{}: {}; {} checks passed",
+        "{}{with}: {}; {} checks passed",
         target.display(),
         levels.join(", "),
         baked.certificate.checks.len()

@@ -8,6 +8,7 @@ use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
 use super::panorama::Panorama;
+use super::zonal::{InstructionSet, Zonal};
 use crate::error::{Error, Result};
 use crate::integrate::Integrator;
 use crate::model::alpha_of_roughness;
@@ -23,7 +24,7 @@ pub struct ChainSpec {
     pub samples: usize,
     /// Chooses the sample points.
     pub seed: u64,
-    /// Which witness filters; `auto` is Monte Carlo, as long as there is nothing faster.
+    /// What filters; `auto` is the zonal filter.
     pub integrator: Integrator,
 }
 
@@ -45,15 +46,20 @@ pub struct LevelReport {
     pub roughness: f64,
     /// Microfacet width.
     pub alpha: f64,
-    /// How the level was made: `area-average`, `monte-carlo`, `quadrature`.
+    /// How the level was made: `area-average`, `zonal`, `monte-carlo`, `quadrature`.
     pub method: String,
     /// Samples for each texel; 0 for the deterministic methods.
     pub samples: usize,
-    /// Root mean square over all values of the relative error: a standard error for Monte Carlo, a bound otherwise.
+    /// Root mean square over all values of the relative error: a standard error for Monte Carlo; for the zonal filter what was
+    /// measured against the full sum, in directions aimed at where errors are largest; a bound otherwise.
     /// Relative to the value, or to [`DARK_FLOOR`] of the mean where the value is darker.
     pub rms_error: f64,
     /// The largest of the same.
     pub max_error: f64,
+    /// Degrees of the spherical harmonics; 0 for the other methods.
+    pub degree: usize,
+    /// What leaving out higher degrees changes at most, on the same scale: a bound for every direction.
+    pub truncation_bound: f64,
     /// Mean of each channel, weighted by solid angle.
     pub mean: [f64; 3],
     /// The largest |mean of the level / mean of the input − 1| over the channels. Texel centres do not sum to the flux
@@ -67,6 +73,10 @@ pub const DARK_FLOOR: f64 = 1e-3;
 /// Relative error of the area average and of the full sum: a rounding to f32, and what their tests hold them to.
 const AREA_AVERAGE_BOUND: f64 = 1e-7;
 const QUADRATURE_BOUND: f64 = 1e-6;
+
+/// The largest error of a zonal level is never said to be below this, however little was seen: what the grid of its rings is made to
+/// leave at a sun.
+const ZONAL_FLOOR: f64 = 1e-5;
 
 impl ChainSpec {
     /// The usual chain: from `size` down to `min_size`, with roughness rising evenly from 0 to 1.
@@ -107,7 +117,7 @@ impl ChainSpec {
                 "correct the list of roughness values",
             ));
         }
-        if self.integrator != Integrator::Quadrature && self.samples < MIN_SAMPLES {
+        if self.integrator == Integrator::MonteCarlo && self.samples < MIN_SAMPLES {
             return Err(Error::usage(
                 format!("{} samples are fewer than the {MIN_SAMPLES} that a standard error needs", self.samples),
                 format!("use at least {MIN_SAMPLES} samples"),
@@ -125,14 +135,30 @@ impl ChainSpec {
 /// **Errors**: a specification that makes no sense.
 pub fn specular_chain(panorama: &Panorama, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Result<Chain> {
     spec.check()?;
-    let filter = Filter::new(panorama, spec);
-    let (levels, reports) = spec
-        .roughness
-        .iter()
-        .enumerate()
-        .map(|(level, &roughness)| filter.level(spec.level_size(level), roughness, finished))
-        .unzip();
-    Ok(Chain { levels, reports })
+    Ok(Filter::new(panorama, spec, &spec.roughness).chain(spec, finished))
+}
+
+/// The chain and [`irradiance_cube`](super::irradiance_cube) of `irradiance_size`, which share what they can.
+///
+/// **Errors**: a specification that makes no sense.
+pub fn chain_and_irradiance(
+    panorama: &Panorama,
+    spec: &ChainSpec,
+    irradiance_size: usize,
+    finished: &(dyn Fn(u64) + Sync),
+) -> Result<(Chain, (Cube, LevelReport))> {
+    spec.check()?;
+    check_irradiance(irradiance_size)?;
+    let roughness: Vec<f64> = spec.roughness.iter().copied().chain([1.0]).collect();
+    let filter = Filter::new(panorama, spec, &roughness);
+    Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, finished)))
+}
+
+pub(super) fn check_irradiance(size: usize) -> Result<()> {
+    if size == 0 {
+        return Err(Error::usage("irradiance cube of size 0", "use a size of at least 1, such as 32"));
+    }
+    Ok(())
 }
 
 /// The witnesses of one chain, prepared once.
@@ -145,17 +171,30 @@ pub(super) struct Filter<'a> {
 enum Witness<'a> {
     MonteCarlo(Box<MonteCarlo<'a>>),
     Quadrature(FullSum<'a>),
+    Zonal(Zonal<'a>),
 }
 
 impl<'a> Filter<'a> {
-    pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec) -> Self {
+    /// A filter for levels of these roughnesses.
+    pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec, roughness: &[f64]) -> Self {
         let witness = match spec.integrator {
             Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
-            Integrator::Auto | Integrator::MonteCarlo => {
-                Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed)))
+            Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
+            Integrator::Auto | Integrator::Zonal => {
+                let mut alphas: Vec<f64> = roughness.iter().map(|&r| alpha_of_roughness(r)).collect();
+                alphas.sort_by(f64::total_cmp);
+                alphas.dedup();
+                let kernels: Vec<Kernel> = alphas.into_iter().filter(|&a| a > 0.0).map(Kernel::new).collect();
+                Witness::Zonal(Zonal::new(panorama, &kernels, InstructionSet::detect()))
             }
         };
         Self { panorama, samples: spec.samples, witness }
+    }
+
+    fn chain(&self, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Chain {
+        let level = |(level, &roughness): (usize, &f64)| self.level(spec.level_size(level), roughness, finished);
+        let (levels, reports) = spec.roughness.iter().enumerate().map(level).unzip();
+        Chain { levels, reports }
     }
 
     pub(super) fn level(&self, size: usize, roughness: f64, finished: &(dyn Fn(u64) + Sync)) -> (Cube, LevelReport) {
@@ -178,6 +217,19 @@ impl<'a> Filter<'a> {
                 let cube = full_sum.filter(size, &kernel, finished);
                 let report = self.report(&cube, roughness, "quadrature", 0, (QUADRATURE_BOUND, QUADRATURE_BOUND));
                 (cube, report)
+            }
+            Witness::Zonal(zonal) => {
+                let function = zonal.function(&kernel);
+                let cube = function.cube(size, finished);
+                if function.degree == 0 {
+                    let errors = (QUADRATURE_BOUND, QUADRATURE_BOUND);
+                    let report = self.report(&cube, roughness, "quadrature", 0, errors);
+                    return (cube, report);
+                }
+                let (rms, largest) = function.measure(&cube);
+                let errors = (rms, largest.max(ZONAL_FLOOR));
+                let report = self.report(&cube, roughness, "zonal", 0, errors);
+                (cube, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }
         }
     }
@@ -209,6 +261,8 @@ impl<'a> Filter<'a> {
             samples,
             rms_error: errors.0,
             max_error: errors.1,
+            degree: 0,
+            truncation_bound: 0.0,
             mean,
             mean_deviation: (0..3).map(deviation).fold(0.0, f64::max),
         }

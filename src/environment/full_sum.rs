@@ -2,8 +2,8 @@
 //!
 //! Each texel's box is integrated by a product of Gauss–Legendre rules in φ and θ (θ rather than y = cos θ, because the
 //! direction is a smooth function of θ at the poles). How many points: the kernel 1/(1 − βc)² has its complex
-//! singularities at an angular distance δ = √(4α²/(1−α²) + distance²) from the lobe's axis, and n points on a box of
-//! extent h leave an error of about (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
+//! singularities at an angular distance δ = √(4α²/(1−α²) + distance²) from the lobe's axis (and its cosine, like sin θ, varies
+//! over one radian, so that δ counts as 1 at most), and n points on a box of extent h leave an error of about (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
 //! horizon crosses a box, each line of constant θ is cut exactly where c = 0.
 
 use std::f64::consts::{PI, TAU};
@@ -14,10 +14,17 @@ use rayon::prelude::*;
 use super::cube::{Cube, texel_direction};
 use super::kernel::Kernel;
 use super::panorama::Panorama;
+use super::zonal::InstructionSet;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// A rule of points per side may be used where extent/δ is at most this; then (h/4δ)^2n is below 1e-7.
 const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
+
+/// Extents below which a box is flat enough, in radians: the sphere bends by 2e-4 of it.
+const FLAT: f64 = 0.02;
+
+/// Largest panorama, in texels, whose channels are also kept apart, for speed.
+const LARGEST_APART: usize = 1 << 21;
 
 /// A panorama made ready for exact sums.
 #[derive(Debug, Clone)]
@@ -25,10 +32,14 @@ pub struct FullSum<'a> {
     panorama: &'a Panorama,
     base: [f64; 3],
     rules: Vec<Rule>,
-    /// cos φ and sin φ of the points of the smallest rule in each column: what nearly every texel takes.
+    /// cos φ and sin φ of the smallest rule's points, what nearly every texel takes: its first in every column, then its
+    /// second, and so on.
     azimuths: Vec<(f64, f64)>,
     /// Whether the row holds anything beyond the base.
     occupied: Vec<bool>,
+    /// The channels one by one, of a panorama that is not too large.
+    apart: Option<[Vec<f32>; 3]>,
+    instructions: InstructionSet,
 }
 
 /// A box in φ and θ.
@@ -60,12 +71,24 @@ impl<'a> FullSum<'a> {
         let rules: Vec<Rule> = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
         let base = panorama.min();
         let occupied = (0..panorama.height()).map(|row| panorama.row(row).iter().any(|t| *t != base)).collect();
-        let azimuths = (0..panorama.width())
-            .flat_map(|column| rules[0].nodes.iter().map(move |t| column as f64 + t))
+        let azimuths = rules[0]
+            .nodes
+            .iter()
+            .flat_map(|t| (0..panorama.width()).map(move |column| column as f64 + t))
             .map(|position| TAU * position / panorama.width() as f64 - PI)
             .map(|phi| (phi.cos(), phi.sin()))
             .collect();
-        Self { panorama, base: base.map(f64::from), rules, azimuths, occupied }
+        let apart = (panorama.texels().len() <= LARGEST_APART)
+            .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect()));
+        Self {
+            panorama,
+            base: base.map(f64::from),
+            rules,
+            azimuths,
+            occupied,
+            apart,
+            instructions: InstructionSet::detect(),
+        }
     }
 
     /// ∫ K(axis·l) L(l) dl, to about 1e-6 relative.
@@ -79,12 +102,7 @@ impl<'a> FullSum<'a> {
             if !self.row_weights(row, &lobe, &along, &mut weights) {
                 continue;
             }
-            let mut row_sum = [0.0; 3];
-            for (weight, texel) in weights.iter().zip(self.panorama.row(row)) {
-                for c in 0..3 {
-                    row_sum[c] += weight * (f64::from(texel[c]) - self.base[c]);
-                }
-            }
+            let row_sum = self.row_sum(row, &weights);
             for c in 0..3 {
                 sum[c].add(row_sum[c]);
             }
@@ -104,6 +122,31 @@ impl<'a> FullSum<'a> {
         Cube { size, texels: (0..6 * size * size).into_par_iter().map(texel).collect() }
     }
 
+    /// Σ weight × (radiance − base) over a row.
+    fn row_sum(&self, row: usize, weights: &[f64]) -> [f64; 3] {
+        if let Some(apart) = &self.apart {
+            let width = self.panorama.width();
+            return self.instructions.run(
+                #[inline(always)]
+                || {
+                    let channel = |c: usize| &apart[c][row * width..][..width];
+                    [
+                        dot(weights, channel(0), self.base[0]),
+                        dot(weights, channel(1), self.base[1]),
+                        dot(weights, channel(2), self.base[2]),
+                    ]
+                },
+            );
+        }
+        let mut sum = [0.0; 3];
+        for (weight, texel) in weights.iter().zip(self.panorama.row(row)) {
+            for c in 0..3 {
+                sum[c] += weight * (f64::from(texel[c]) - self.base[c]);
+            }
+        }
+        sum
+    }
+
     /// Integrals of the kernel over the texels of a row; false if the whole row is below the horizon.
     fn row_weights(&self, row: usize, lobe: &Lobe, along: &[f64], weights: &mut [f64]) -> bool {
         let (width, height) = (self.panorama.width(), self.panorama.height());
@@ -120,35 +163,73 @@ impl<'a> FullSum<'a> {
 
         // Two by two everywhere first: one tight loop.
         let rule = &self.rules[0];
-        let n = rule.nodes.len();
         weights.fill(0.0);
-        let (beta, one_minus_beta, norm) = lobe.kernel.coefficients();
-        for (t, weight) in rule.nodes.iter().zip(&rule.weights) {
-            let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
-            let (up, scale) = (lobe.axis.y * cos, norm * weight * sin * dtheta * dphi);
-            for (out, along) in weights.iter_mut().zip(along.chunks_exact(n)) {
-                for (a, weight) in along.iter().zip(&rule.weights) {
-                    let c = up + sin * a;
-                    let d = one_minus_beta + beta * (1.0 - c);
-                    *out += scale * weight * c.max(0.0) / (d * d);
+        self.instructions.run(
+            #[inline(always)]
+            || {
+                for (t, weight) in rule.iter() {
+                    let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
+                    let (up, scale) = (lobe.axis.y * cos, weight * sin * dtheta * dphi);
+                    for (along, weight) in along.chunks_exact(width).zip(&rule.weights) {
+                        add_line(weights, along, [up, sin, scale * weight], lobe.kernel);
+                    }
                 }
-            }
-        }
+            },
+        );
 
         // Then mend the texels for which that is not enough: near the axis, and across the horizon.
         let far = (extent / RULES[0].1 + reach).powi(2);
+        let least_near = if far > 1.0 { f64::NEG_INFINITY } else { 1.0 - (far - lobe.width2) / 2.0 };
         let (sin, cos) = middle.sin_cos();
-        for (column, out) in weights.iter_mut().enumerate() {
-            let phi = TAU * column as f64 / width as f64 - PI;
-            // (Between the two middle points of the column: its centre, to a relative dφ²/8.)
-            let a = along[column * n..(column + 1) * n].iter().sum::<f64>() / n as f64;
-            let c = lobe.axis.y * cos + sin * a;
-            let near = (2.0 - 2.0 * c).max(0.0) + lobe.width2 < far;
-            if near || c.abs() < reach {
-                *out = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
+        let up = lobe.axis.y * cos;
+        let first = &along[..width];
+        // (The middle of the column to half its width: the margins of both criteria are wider.)
+        let slack = 0.5 * widest * dphi;
+        let mut mend = |columns: std::ops::Range<usize>| {
+            for column in columns {
+                let phi = TAU * column as f64 / width as f64 - PI;
+                // (Between the points of the column: its centre, to a relative dφ²/8.)
+                let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
+                let c = up + sin * a;
+                let near = ((2.0 - 2.0 * c).max(0.0) + lobe.width2).min(1.0) < far;
+                if !near && c.abs() < reach && extent < FLAT && !self.is_bright(row, column) {
+                    let down = 0.5 * dtheta * (cos * a - sin * lobe.axis.y);
+                    let across = 0.5 * dphi * sin * (lobe.horizontal * lobe.horizontal - a * a).max(0.0).sqrt();
+                    weights[column] = self.panorama.solid_angle(row) * flat_horizon(c, [down, across], lobe.kernel);
+                } else if near || c.abs() < reach {
+                    weights[column] = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
+                }
             }
-        }
+        };
+        self.instructions.run(
+            #[inline(always)]
+            || {
+                for start in (0..width).step_by(STRETCH) {
+                    let stretch = &first[start..(start + STRETCH).min(width)];
+                    let (mut lowest, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
+                    for a in stretch {
+                        let c = up + sin * a;
+                        lowest = if c.abs() < lowest { c.abs() } else { lowest };
+                        largest = if c > largest { c } else { largest };
+                    }
+                    if largest + slack > least_near || lowest - slack < reach {
+                        mend(start..start + stretch.len());
+                    }
+                }
+            },
+        );
         true
+    }
+
+    /// Whether a texel holds so much light that its part across the horizon must be exact: 1e-4 of all beyond the base.
+    fn is_bright(&self, row: usize, column: usize) -> bool {
+        let texel = self.panorama.row(row)[column];
+        let solid_angle = self.panorama.solid_angle(row);
+        let mean = self.panorama.mean();
+        (0..3).any(|c| {
+            let beyond = (f64::from(texel[c]) - self.base[c]) * solid_angle;
+            beyond > 1e-4 * 4.0 * PI * (mean[c] - self.base[c]) && beyond > 0.0
+        })
     }
 
     /// ∫ K over one texel, counted row by row.
@@ -168,14 +249,18 @@ impl<'a> FullSum<'a> {
         let extent = theta.1.max(widest * phi.1);
         let reach = 0.5 * theta.1.hypot(widest * phi.1);
         let distance = ((lobe.axis - centre).length() - reach).max(0.0);
-        let delta = (lobe.width2 + distance * distance).sqrt();
+        let delta = (lobe.width2 + distance * distance).sqrt().min(1.0);
         let c = lobe.axis.dot(centre);
         if c < -1.01 * reach {
             return 0.0;
         }
         match RULES.iter().position(|(_, ratio)| extent <= ratio * delta) {
-            // The horizon leaves a kink in θ where it meets the box's corners: never the smallest rule there.
-            Some(rule) if c < 1.01 * reach => self.product(patch, lobe, &self.rules[rule.max(RULES.len() - 1)]),
+            // Cut at the horizon and at its crossings with the box's sides, a small box leaves polynomials of low degree, which
+            // three points integrate exactly; a large one bends the horizon.
+            Some(_) if c < 1.01 * reach => {
+                let rule = if extent < FLAT { 1 } else { RULES.len() - 1 };
+                self.product(patch, lobe, &self.rules[rule])
+            }
             Some(rule) => self.product(patch, lobe, &self.rules[rule]),
             None => {
                 let halves = |[low, high]: [f64; 2], middle: f64| [[low, middle], [middle, high]];
@@ -226,16 +311,64 @@ impl<'a> FullSum<'a> {
     }
 }
 
+/// The mean of a kernel over a small texel that its horizon crosses: c in the middle, and half its change across height and width.
+///
+/// K ≈ N (c)₊ (1 + 2βc), and c changes linearly over a flat texel: the mean of (c)₊ⁿ is Σ ± (c ± g ± h)₊ⁿ⁺² / ((n + 1)(n + 2) 4gh).
+/// What the sphere's bending leaves out is some 1e-6 N for texels of 0.006 radians.
+pub(super) fn flat_horizon(c: f64, [g, h]: [f64; 2], kernel: &Kernel) -> f64 {
+    let (beta, _, norm) = kernel.coefficients();
+    let (g, h) = (g.abs(), h.abs());
+    let (long, short) = (g.max(h), g.min(h));
+    let plus = |x: f64| if x > 0.0 { x } else { 0.0 };
+    let [first, second] = if short < 1e-3 * long {
+        // One side hardly matters: the mean over a line.
+        let (a, b) = (plus(c + long), plus(c - long));
+        [(a * a - b * b) / (4.0 * long), (a * a * a - b * b * b) / (6.0 * long)]
+    } else {
+        let corners = [plus(c + g + h), plus(c + g - h), plus(c - g + h), plus(c - g - h)];
+        let third = corners.map(|x| x * x * x);
+        let fourth = [third[0] * corners[0], third[1] * corners[1], third[2] * corners[2], third[3] * corners[3]];
+        let sum = |v: [f64; 4]| (v[0] - v[1]) - (v[2] - v[3]);
+        [sum(third) / (24.0 * g * h), sum(fourth) / (48.0 * g * h)]
+    };
+    norm * (first + 2.0 * beta * second)
+}
+
+/// Σ weight × (value − base), in one order on every processor.
+#[inline(always)]
+fn dot(weights: &[f64], values: &[f32], base: f64) -> f64 {
+    let mut sums = [0.0; 8];
+    let (weights, rest_weights) = weights.as_chunks::<8>();
+    let (values, rest_values) = values.as_chunks::<8>();
+    for (weights, values) in weights.iter().zip(values) {
+        for i in 0..8 {
+            sums[i] += weights[i] * (f64::from(values[i]) - base);
+        }
+    }
+    let rest = rest_weights.iter().zip(rest_values).map(|(w, v)| w * (f64::from(*v) - base)).sum::<f64>();
+    sums.iter().sum::<f64>() + rest
+}
+
+/// Columns that are looked at together for texels to mend.
+const STRETCH: usize = 32;
+
+/// Adds scale × K(up + sin × along) to the weights.
+#[inline(always)]
+fn add_line(weights: &mut [f64], along: &[f64], [up, sin, scale]: [f64; 3], kernel: &Kernel) {
+    let (beta, one_minus_beta, norm) = kernel.coefficients();
+    let scale = scale * norm;
+    for (out, along) in weights.iter_mut().zip(along) {
+        let c = up + sin * along;
+        let d = one_minus_beta + beta * (1.0 - c);
+        let lit = if c > 0.0 { c } else { 0.0 };
+        *out += scale * lit / (d * d);
+    }
+}
+
 impl<'a> Lobe<'a> {
     /// The lobe about a unit axis.
     pub(super) fn new(axis: DVec3, kernel: &'a Kernel) -> Self {
-        Self {
-            kernel,
-            axis,
-            azimuth: axis.z.atan2(axis.x),
-            horizontal: axis.x.hypot(axis.z),
-            width2: 4.0 * kernel.alpha().powi(2) / (1.0 - kernel.alpha().powi(2)).max(1e-300),
-        }
+        Self { kernel, axis, azimuth: axis.z.atan2(axis.x), horizontal: axis.x.hypot(axis.z), width2: kernel.width2() }
     }
 
     /// Squared distance of the kernel's singularities from its axis.

@@ -1,9 +1,9 @@
 //! Lambert's irradiance as a cube: E(n)/π, what a white matte surface facing n shows.
 
-use super::chain::{ChainSpec, Filter, LevelReport};
+use super::chain::{ChainSpec, Filter, LevelReport, check_irradiance};
 use super::cube::Cube;
 use super::panorama::Panorama;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Irradiance divided by π for every direction of a cube: the filter at alpha = 1, where its kernel is max(c, 0)/π.
 ///
@@ -15,8 +15,6 @@ pub fn irradiance_cube(
     spec: &ChainSpec,
     finished: &(dyn Fn(u64) + Sync),
 ) -> Result<(Cube, LevelReport)> {
-    if spec.size == 0 {
-        return Err(Error::usage("irradiance cube of size 0", "use a size of at least 1, such as 32"));
-    }
-    Ok(Filter::new(panorama, spec).level(spec.size, 1.0, finished))
+    check_irradiance(spec.size)?;
+    Ok(Filter::new(panorama, spec, &[1.0]).level(spec.size, 1.0, finished))
 }

@@ -42,6 +42,11 @@ impl Kernel {
         (self.beta, self.one_minus_beta, self.norm)
     }
 
+    /// Squared distance of the kernel's singularities from its axis, in radians.
+    pub(crate) fn width2(&self) -> f64 {
+        4.0 * self.alpha.powi(2) / (1.0 - self.alpha.powi(2)).max(1e-300)
+    }
+
     /// K(c), per steradian, from 1 − c.
     pub fn eval(&self, one_minus_cos: f64) -> f64 {
         let d = self.one_minus_beta + self.beta * one_minus_cos;

@@ -1,9 +1,9 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]); [`Adjustment`] turns, exposes and
-//! calibrates it ([`photometry`]). From it come the area
-//! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
-//! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
+//! calibrates it ([`photometry`]). From it come the area average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels
+//! ([`chain`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], [`full_sum`]), the Lambert
+//! irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]).
 
 mod adjust;
@@ -26,11 +26,12 @@ mod sun;
 mod sun_disc;
 #[cfg(test)]
 mod test_maps;
+pub mod zonal;
 
 pub use adjust::{Adjusted, Adjustment};
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
-pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, specular_chain};
+pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, chain_and_irradiance, specular_chain};
 pub use cube::Cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
@@ -41,3 +42,4 @@ pub use photometry::{Photometry, Unit};
 pub use source::{BUILTIN_PREFIX, load};
 pub use spherical_harmonics::SphericalHarmonics;
 pub use sun::{Sun, extract as extract_sun};
+pub use zonal::{InstructionSet, Zonal};

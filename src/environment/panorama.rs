@@ -100,7 +100,8 @@ impl Panorama {
     /// The same panorama with other texels, as many and all finite.
     pub(super) fn with_texels(&self, texels: Vec<[f32; 3]>) -> Self {
         debug_assert_eq!(texels.len(), self.texels.len());
-        let mut panorama = Self { texels, ..self.clone() };
+        let row_edges = self.row_edges.clone();
+        let mut panorama = Self { width: self.width, height: self.height, texels, row_edges, mean: [0.0; 3] };
         panorama.mean = panorama.compute_mean();
         panorama
     }
@@ -247,8 +248,8 @@ impl Panorama {
     }
 
     fn compute_mean(&self) -> [f64; 3] {
-        // Relative to one texel, so that a constant comes out as itself.
-        let origin = self.texels[0].map(f64::from);
+        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
+        let origin = self.min().map(f64::from);
         let mut sum = [0.0; 3];
         for row in 0..self.height {
             let mut row_sum = [0.0; 3];

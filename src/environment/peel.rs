@@ -7,6 +7,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::full_sum::{FullSum, Lobe};
 use super::kernel::Kernel;
@@ -49,14 +50,33 @@ struct Peeled {
 impl Peel {
     /// The outliers of a panorama, and the panorama without them: never darker than the block around it.
     pub(super) fn new(panorama: &Panorama) -> (Self, Panorama) {
+        Self::take(panorama, LEAST, 0.0, MOST)
+    }
+
+    /// At most `most` outliers that each hold at least this part of the panorama's light (all channels together).
+    pub(super) fn strongest(panorama: &Panorama, least_share: f64, most: usize) -> (Self, Panorama) {
+        Self::take(panorama, 0.0, least_share, most)
+    }
+
+    /// Outliers of more than `least` of their block's flux and at least `least_share` of the panorama's.
+    fn take(panorama: &Panorama, least: f64, least_share: f64, most: usize) -> (Self, Panorama) {
         let (width, height) = (panorama.width(), panorama.height());
         let mean = panorama.mean().iter().sum::<f64>();
-        let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
-        for top in (0..height).step_by(BLOCK) {
+        let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
+        let of_blocks = |block: usize| {
+            let top = block * BLOCK;
+            let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
             for left in (0..width).step_by(BLOCK) {
                 let rows = top..(top + BLOCK).min(height);
                 let columns = left..(left + BLOCK).min(width);
                 let places = || rows.clone().flat_map(|r| columns.clone().map(move |c| r * width + c));
+                // Nothing here may be an outlier even against the darkest texel.
+                let brightest = |i: usize| panorama.texels()[i].iter().map(|&v| f64::from(v)).sum::<f64>();
+                let most_excess = places().map(brightest).fold(f64::NEG_INFINITY, f64::max) - darkest;
+                let widest = rows.clone().map(|r| panorama.solid_angle(r)).fold(0.0, f64::max);
+                if most_excess * widest < least_share * 4.0 * PI * mean.abs() {
+                    continue;
+                }
                 let median = median(places().map(|i| panorama.texels()[i]).collect());
                 let surroundings = median.iter().map(|&v| f64::from(v)).sum::<f64>().max(1e-3 * mean);
                 let block_angle: f64 =
@@ -64,16 +84,21 @@ impl Peel {
                 for index in places() {
                     let texel = panorama.texels()[index];
                     let excess: f64 = (0..3).map(|c| f64::from((texel[c] - median[c]).max(0.0))).sum();
-                    let flux = excess * panorama.solid_angle(index / width) / (surroundings * block_angle);
-                    if flux > LEAST {
-                        candidates.push((flux, index, median));
+                    let flux = excess * panorama.solid_angle(index / width);
+                    let share = flux / (4.0 * PI * mean.abs());
+                    let flux = flux / (surroundings * block_angle);
+                    if flux > least && share >= least_share {
+                        // Noise asks for the largest beside their surroundings, a kernel's horizon for the largest of all.
+                        candidates.push((if least_share > 0.0 { share } else { flux }, index, median));
                     }
                 }
             }
-        }
+            candidates
+        };
+        let mut candidates: Vec<_> = (0..height.div_ceil(BLOCK)).into_par_iter().flat_map_iter(of_blocks).collect();
         // The largest first; equal ones in the order of the panorama, so that the choice is the same on every run.
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        candidates.truncate(MOST);
+        candidates.truncate(most);
         let mut rest = panorama.texels().to_vec();
         let texels = candidates
             .into_iter()
@@ -100,6 +125,21 @@ impl Peel {
             .collect();
         let extent = PI / height as f64;
         (Self { texels, extent }, panorama.with_texels(rest))
+    }
+
+    /// How many texels were peeled off.
+    pub(super) fn len(&self) -> usize {
+        self.texels.len()
+    }
+
+    /// Where in the panorama each is, and its radiance beyond the surroundings; the largest flux first.
+    pub(super) fn texels(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        self.texels.iter().map(|texel| (texel.index, texel.radiance))
+    }
+
+    /// Where in the panorama one is, and its solid angle.
+    pub(super) fn texel(&self, i: usize) -> (usize, f64) {
+        (self.texels[i].index, self.texels[i].middle.1)
     }
 
     /// ∫ K(axis·l) over what was peeled off; `exact` integrates the texels near the lobe's peak and across its horizon.

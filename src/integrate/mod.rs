@@ -23,6 +23,8 @@ pub enum ErrorKind {
     Bound,
     /// One standard error.
     Sigma,
+    /// The largest difference from the full sum that was seen, over the places where it is likely to be largest.
+    Measured,
 }
 
 impl ErrorKind {
@@ -31,6 +33,7 @@ impl ErrorKind {
         match self {
             Self::Bound => "bound",
             Self::Sigma => "sigma",
+            Self::Measured => "measured",
         }
     }
 }
@@ -57,11 +60,12 @@ impl Estimate {
         Self { value, error, kind: ErrorKind::Sigma }
     }
 
-    /// The half-width of the interval that is claimed to hold the truth: the bound itself, or `sigmas` standard errors.
+    /// The half-width of the interval that is claimed to hold the truth: the bound itself, or `sigmas` standard errors (or largest
+    /// differences seen).
     pub fn half_width(&self, sigmas: f64) -> f64 {
         match self.kind {
             ErrorKind::Bound => self.error,
-            ErrorKind::Sigma => sigmas * self.error,
+            ErrorKind::Sigma | ErrorKind::Measured => sigmas * self.error,
         }
     }
 }
@@ -77,6 +81,8 @@ pub enum Integrator {
     Quadrature,
     /// The random one.
     MonteCarlo,
+    /// Spherical harmonics, for environments: their default.
+    Zonal,
 }
 
 impl Integrator {
@@ -86,6 +92,7 @@ impl Integrator {
             Self::Auto => "auto",
             Self::Quadrature => "quadrature",
             Self::MonteCarlo => "monte-carlo",
+            Self::Zonal => "zonal",
         }
     }
 }
@@ -129,9 +136,9 @@ impl Settings {
                     "use something like --samples 4096",
                 ));
             }
-            if self.integrator == Integrator::Quadrature {
+            if matches!(self.integrator, Integrator::Quadrature | Integrator::Zonal) {
                 return Err(Error::usage(
-                    "--samples has no meaning for quadrature, which takes no random samples",
+                    format!("--samples has no meaning for {}, which takes no random samples", self.integrator.name()),
                     "use --tolerance, or --integrator monte-carlo",
                 ));
             }
@@ -157,6 +164,12 @@ impl Integration {
     /// **Errors**: [`Settings::check`].
     pub fn new(settings: Settings) -> Result<Self> {
         settings.check()?;
+        if settings.integrator == Integrator::Zonal {
+            return Err(Error::usage(
+                "zonal filters environments, and is no way to integrate a table",
+                "use --integrator quadrature or monte-carlo",
+            ));
+        }
         let (points2, points3) =
             (monte_carlo::Points::new(settings.seed), monte_carlo::Points::new(settings.seed ^ 0x9e37_79b9_7f4a_7c15));
         Ok(Self { settings, points2, points3 })
@@ -170,7 +183,7 @@ impl Integration {
         match self.settings.integrator {
             Integrator::MonteCarlo => true,
             Integrator::Auto => self.settings.samples.is_some(),
-            Integrator::Quadrature => false,
+            Integrator::Quadrature | Integrator::Zonal => false,
         }
     }
 

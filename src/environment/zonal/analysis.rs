@@ -1,0 +1,208 @@
+//! From texels to coefficients: f_lm = ∫ f Y*_lm of a piecewise constant map.
+//!
+//! In φ each texel is integrated exactly: the row's Fourier sum (periodic in m, so m may go on past half the width) times
+//! (2/m) sin(mΔ/2) e^(−imΔ/2). In θ each row is integrated by Gauss points in θ, their weights sin θ normalised to the row's exact
+//! solid angle. Northern and southern rows share their P̄_l^m but for the sign (−1)^(l−m): one transform of
+//! (north + south) + i (north − south) gives both.
+
+use std::f64::consts::{PI, TAU};
+
+use rayon::prelude::*;
+
+use super::fft::{Complex, Fft, separate};
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, total};
+use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
+use crate::math::quadrature::Rule;
+
+/// Real and imaginary parts of three channels: re r, g, b, im r, g, b.
+pub(super) const PARTS: usize = 6;
+
+/// f_lm for 0 ≤ m ≤ l ≤ degree of a real map of three channels.
+#[derive(Debug, Clone)]
+pub(super) struct Coefficients {
+    pub degree: usize,
+    /// For each m, for l = m, m + 1, …: the real parts of the channels, then the imaginary ones.
+    pub orders: Vec<Vec<[f64; PARTS]>>,
+}
+
+/// A map to be analysed.
+pub(super) trait Texels: Sync {
+    /// Texels of a row, and rows.
+    fn shape(&self) -> [usize; 2];
+    /// Whether anything in a row is not zero.
+    fn occupied(&self, row: usize) -> bool;
+    /// Adds `factor` times one channel of a row to one lane.
+    fn add_row(&self, row: usize, channel: usize, factor: f64, lane: usize, to: &mut [V]);
+}
+
+/// Eight rows of the north with their mirror images.
+struct Block {
+    first: usize,
+    largest_sin: f64,
+    /// Gauss points with their weights.
+    points: Vec<(Places, V)>,
+    /// For each m: (north + south), then (north − south), each as [`PARTS`].
+    spectrum: Vec<[V; 2 * PARTS]>,
+}
+
+/// The coefficients up to a degree; `rule` integrates over a row.
+pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions: InstructionSet) -> Coefficients {
+    let [width, height] = map.shape();
+    let fft = Fft::new(width);
+    let factors = column_factors(width, degree);
+    let pairs = height.div_ceil(2);
+    let blocks: Vec<Block> = (0..pairs.div_ceil(LANES))
+        .into_par_iter()
+        .filter_map(|index| {
+            let first = index * LANES;
+            let rows = first..(first + LANES).min(pairs);
+            if !rows.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
+                return None;
+            }
+            let (points, largest_sin) = places(first, height, rule, degree);
+            let spectrum = instructions.run(
+                #[inline(always)]
+                || spectrum(map, rows, &fft, &factors),
+            );
+            Some(Block { first, largest_sin, points, spectrum })
+        })
+        .collect();
+    debug_assert!(blocks.windows(2).all(|b| b[0].first < b[1].first));
+    let norms = sectoral_norms(degree);
+    let orders = (0..degree + 1)
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|m| {
+            let blocks: Vec<&Block> = blocks.iter().filter(|b| !negligible(degree, m, b.largest_sin)).collect();
+            instructions.run(
+                #[inline(always)]
+                || analyse_order(m, degree, norms[m], &blocks),
+            )
+        })
+        .collect();
+    Coefficients { degree, orders }
+}
+
+/// ∫ e^(−imφ) over the first column: what turns a Fourier sum over texels into an integral. φ counts from the map's left edge.
+fn column_factors(width: usize, degree: usize) -> Vec<(f64, f64)> {
+    let step = TAU / width as f64;
+    (0..=degree)
+        .map(|m| {
+            // The angle mΔ/2 = π m/width, reduced exactly.
+            let (sin, cos) = libm::sincos(PI * (m % (2 * width)) as f64 / width as f64);
+            let length = if m == 0 { step } else { 2.0 * sin / m as f64 };
+            (length * cos, -length * sin)
+        })
+        .collect()
+}
+
+/// Gauss points of eight rows from `first` on; rows past the equator have weight zero, the equator's own row half its weight
+/// (it is its own mirror image).
+fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Places, V)>, f64) {
+    let points = rule.nodes.len();
+    let n = height as f64;
+    let (mut cos, mut sin, mut weights) = (vec![ZERO; points], vec![[1.0; LANES]; points], vec![ZERO; points]);
+    let mut largest_sin = 0.0f64;
+    for lane in 0..LANES {
+        let row = first + lane;
+        if row >= height.div_ceil(2) {
+            continue;
+        }
+        let extent = 2.0 * libm::sin(PI * (row as f64 + 0.5) / n) * libm::sin(PI / (2.0 * n));
+        let share = if 2 * row + 1 == height { 0.5 * extent } else { extent };
+        let mut sum = 0.0;
+        for (k, (t, weight)) in rule.iter().enumerate() {
+            // cos θ = sin(π/2 − θ): exact at the equator.
+            let theta = PI * (row as f64 + t) / n;
+            sin[k][lane] = libm::sin(theta);
+            cos[k][lane] = libm::sin(PI * (0.5 * n - row as f64 - t) / n);
+            weights[k][lane] = weight * sin[k][lane];
+            sum += weights[k][lane];
+            largest_sin = largest_sin.max(sin[k][lane]);
+        }
+        weights.iter_mut().for_each(|w| w[lane] *= share / sum);
+    }
+    let places = (0..points).map(|k| (Places::new(cos[k], sin[k], orders), weights[k])).collect();
+    (places, largest_sin)
+}
+
+#[inline(always)]
+fn spectrum(map: &dyn Texels, rows: std::ops::Range<usize>, fft: &Fft, factors: &[(f64, f64)]) -> Vec<[V; 2 * PARTS]> {
+    let [width, height] = map.shape();
+    let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
+    let (mut x, mut spare) = (vec![Complex::ZERO; width], vec![Complex::ZERO; width]);
+    let (mut sum, mut difference) = (vec![ZERO; width], vec![ZERO; width]);
+    for channel in 0..3 {
+        sum.fill(ZERO);
+        difference.fill(ZERO);
+        for row in rows.clone() {
+            let lane = row - rows.start;
+            for (row, sign) in [(row, 1.0), (height - 1 - row, -1.0)] {
+                if map.occupied(row) {
+                    map.add_row(row, channel, 1.0, lane, &mut sum);
+                    map.add_row(row, channel, sign, lane, &mut difference);
+                }
+            }
+        }
+        for (x, (&re, &im)) in x.iter_mut().zip(sum.iter().zip(&difference)) {
+            *x = Complex { re, im };
+        }
+        fft.forward(&mut x, &mut spare);
+        for (m, (out, &(cos, sin))) in spectrum.iter_mut().zip(factors).enumerate() {
+            let (even, odd) = separate(x[m % width], x[(width - m % width) % width]);
+            for (part, value) in [(0, even), (PARTS, odd)] {
+                out[part + channel] = std::array::from_fn(|i| value.re[i] * cos - value.im[i] * sin);
+                out[part + 3 + channel] = std::array::from_fn(|i| value.re[i] * sin + value.im[i] * cos);
+            }
+        }
+    }
+    spectrum
+}
+
+/// Blocks that are accumulated together.
+const GROUP: usize = 4;
+
+#[inline(always)]
+fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[f64; PARTS]> {
+    let order = Order::new(m, degree);
+    let mut walks: Vec<Vec<Walk>> = blocks
+        .iter()
+        .map(|b| b.points.iter().map(|(places, weight)| places.start(m, scale(*weight, norm))).collect())
+        .collect();
+    let mut result = Vec::with_capacity(order.a.len());
+    let (mut q, mut chunk) = ([[ZERO; CHUNK]; GROUP], [ZERO; CHUNK]);
+    for (a, s) in order.a.as_chunks::<CHUNK>().0.iter().zip(order.s.as_chunks::<CHUNK>().0) {
+        let mut sums = [[ZERO; PARTS]; CHUNK];
+        for (blocks, walks) in blocks.chunks(GROUP).zip(walks.chunks_mut(GROUP)) {
+            let mut spectra: [&[V; 2 * PARTS]; GROUP] = [&[ZERO; 2 * PARTS]; GROUP];
+            let mut n = 0;
+            for (block, walks) in blocks.iter().zip(walks) {
+                let mut any = false;
+                for ((places, _), walk) in block.points.iter().zip(walks) {
+                    if !any {
+                        any = walk.advance(places.cos, a, &mut q[n]);
+                    } else if walk.advance(places.cos, a, &mut chunk) {
+                        add_chunk(&mut q[n], &chunk);
+                    }
+                }
+                if any {
+                    spectra[n] = &block.spectrum[m];
+                    n += 1;
+                }
+            }
+            for k in 0..CHUNK {
+                let part = k % 2 * PARTS;
+                let mut sum = sums[k];
+                for (q, spectrum) in q[..n].iter().zip(&spectra[..n]) {
+                    for c in 0..PARTS {
+                        sum[c] = add(sum[c], mul(q[k], spectrum[part + c]));
+                    }
+                }
+                sums[k] = sum;
+            }
+        }
+        result.extend(sums.iter().zip(s).map(|(sum, s)| sum.map(|v| total(v) * s)));
+    }
+    result.truncate(degree + 1 - m);
+    result
+}

@@ -1,0 +1,196 @@
+//! How many degrees a level takes, and what leaving out the others can change.
+//!
+//! Without degrees above L, a kernel K becomes K − κ, and the filtered function F is off by E(R) = ∫ κ(R·l) f(l) dl. If
+//! |κ| ≤ t (K + v/Φ) everywhere, Φ = ∫ |f|, then |E| ≤ t (F + v): relative to an output no darker than v, at most 2t. Where f ≥ 0 that
+//! holds for every map of this flux, a lone sun included. A second bound knows the map: |E| ≤ ‖κ‖ ‖f_(>L)‖ (Cauchy and Schwarz),
+//! both norms from Parseval. The smaller one is reported.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::analysis::Coefficients;
+use super::eigenvalues::{Remainder, eigenvalues};
+use super::fft::Fft;
+use super::lanes::InstructionSet;
+use crate::environment::DARK_FLOOR;
+use crate::environment::kernel::Kernel;
+use crate::environment::panorama::Panorama;
+use crate::math::quadrature::{Rule, gauss_legendre};
+
+/// Kernels wider than this have a horizon that shows: their λ_l fall off algebraically.
+pub(super) const WIDE: f64 = 0.1;
+/// The least degree of a wide kernel, unless a map is hard.
+pub(super) const WIDE_DEGREE: usize = 256;
+/// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
+pub(super) const MOST_DEGREE: usize = 3500;
+/// The relative error of truncation at the peak that the degree is chosen for.
+const AIM: f64 = 1e-5;
+/// λ_l of narrow kernels are looked at up to this many times 1/α: e^(−2 · 16) is beyond every need.
+const REACH: f64 = 16.0;
+
+/// How one level is filtered.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub kernel: Kernel,
+    /// λ_0 … λ_L.
+    pub eigenvalues: Vec<f64>,
+    /// Rings and columns of the grid.
+    pub grid: [usize; 2],
+    /// t of the bound for every map of the same flux.
+    pub any_map: f64,
+    /// ‖κ‖.
+    pub remainder_norm: f64,
+    /// The darkest output that was reckoned with, in parts of the mean.
+    pub darkest: f64,
+}
+
+impl Plan {
+    /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
+    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`.
+    pub fn new(kernel: Kernel, darkest: f64, least_wide: usize, instructions: InstructionSet) -> Option<Self> {
+        let alpha = kernel.alpha();
+        let width = 2.0 * alpha;
+        let most = ((REACH / alpha).ceil() as usize).max(least_wide);
+        if most > MOST_DEGREE * 4 / 3 {
+            return None;
+        }
+        let value = |w: f64| kernel.eval(w);
+        let mut lambda = eigenvalues(&value, width, most, instructions);
+        let floor = darkest / (4.0 * PI);
+        let step = (most / 64).max(1);
+        let peak = Remainder::new(&value, width, 1.2).relative(&lambda, step, floor);
+        let enough = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step);
+        let degree = if alpha > WIDE { enough.max(least_wide) } else { enough }.min(most);
+        if degree > MOST_DEGREE {
+            return None;
+        }
+        lambda.truncate(degree + 1);
+        let whole = Remainder::new(&value, width, PI).relative(&lambda, degree, floor);
+        // ∫ K² = Σ (2l+1)/4π λ_l².
+        let square = |w: f64| kernel.eval(w) * kernel.eval(w);
+        let norm2 = eigenvalues(&square, width, 0, instructions)[0];
+        let held: f64 = lambda.iter().enumerate().map(|(l, v)| (2.0 * l as f64 + 1.0) / (4.0 * PI) * v * v).sum();
+        // Rounding leaves 1e-16 of ‖K‖², above or below zero.
+        let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
+        Some(Self {
+            kernel,
+            grid: grid(width, degree),
+            any_map: whole[0],
+            eigenvalues: lambda,
+            remainder_norm,
+            darkest,
+        })
+    }
+
+    pub fn degree(&self) -> usize {
+        self.eigenvalues.len() - 1
+    }
+
+    /// The largest relative error that truncation can cause, given the part `share` of the light that was not peeled off, and
+    /// the map beyond its mean: its squared norm (of each channel) and its coefficients.
+    pub fn truncation(&self, share: f64, mean: [f64; 3], norm2: [f64; 3], coefficients: &Coefficients) -> f64 {
+        let mut this_map = 0.0f64;
+        for c in 0..3 {
+            if mean[c] > 0.0 {
+                let rest = (norm2[c] - power(coefficients, c, self.degree())).max(1e-14 * norm2[c]);
+                this_map = this_map.max(self.remainder_norm * rest.sqrt() / (self.darkest * mean[c]));
+            }
+        }
+        this_map.min(2.0 * self.any_map * share.max(1e-3))
+    }
+}
+
+/// Σ |f_lm|² over all orders of degrees up to L.
+fn power(coefficients: &Coefficients, channel: usize, degree: usize) -> f64 {
+    let order = |(m, order): (usize, &Vec<[f64; 6]>)| {
+        let both = if m == 0 { 1.0 } else { 2.0 };
+        let of = |v: &[f64; 6]| v[channel] * v[channel] + v[channel + 3] * v[channel + 3];
+        both * order.iter().take((degree + 1).saturating_sub(m)).map(of).sum::<f64>()
+    };
+    coefficients.orders.iter().enumerate().map(order).sum()
+}
+
+/// Rings and columns: interpolation of degree five on spacing Δ is off by 14 (Δ/width)⁶ at the peak of 1/(width² + θ²)²;
+/// 0.095 leaves 1e-5. And never coarser than what holds the degrees.
+fn grid(width: f64, degree: usize) -> [usize; 2] {
+    let spacing = 0.095 * width;
+    let rings = ((PI / spacing) as usize).max(5 * degree / 4).max(16);
+    let columns = ((TAU / spacing) as usize).max(9 * degree / 4).max(32);
+    [rings, Fft::fast_length(columns)]
+}
+
+/// Gauss points for a row, on [0, 1].
+///
+/// The kernel's singularities lie `narrowest` away, so n points on a part of height h leave (h/4 narrowest)^2n. A row higher than the
+/// kernel is wide is cut into parts. A kink has no width: points enough for the highest degree are taken too.
+pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
+    /// Of a part: 0.3^12 is 5e-7.
+    const LARGEST: f64 = 0.3;
+    let row = PI / height as f64;
+    let ratio = row / (4.0 * narrowest);
+    let turn = 0.5 * row * degree as f64;
+    let parts = (ratio / LARGEST).max(turn / 5.0).ceil().max(1.0);
+    let n =
+        (2..6).find(|&n| (ratio / parts).powi(2 * n) < 1e-6 && turn / parts <= f64::from(n - 1)).unwrap_or(6) as usize;
+    let part = gauss_legendre(n);
+    let nodes = (0..parts as usize).flat_map(|i| part.nodes.iter().map(move |t| (i as f64 + t) / parts)).collect();
+    let weights = part.weights.iter().map(|w| w / parts).cycle().take(n * parts as usize).collect();
+    Rule { nodes, weights }
+}
+
+/// About how dark the darkest output of a kernel is, in parts of its channel's mean; from a coarse map of cells, rather too dark than
+/// too bright, and never below [`DARK_FLOOR`].
+pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel) -> f64 {
+    /// Cells do not resolve narrower kernels.
+    const NARROWEST: f64 = 0.1;
+    const DIRECTIONS: usize = 256;
+    let (mean, kernel) = (panorama.mean(), Kernel::new(kernel.alpha().max(NARROWEST)));
+    let mut darkest = 1.0f64;
+    for i in 0..DIRECTIONS {
+        let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
+        let (sin, cos) = libm::sincos(i as f64 * 2.399_963_229_728_653);
+        let axis = DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y;
+        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        for cell in cells {
+            let weight = kernel.between(axis, cell.direction);
+            weights += weight * cell.solid_angle;
+            (0..3).for_each(|c| sum[c] += weight * cell.flux[c]);
+        }
+        for c in (0..3).filter(|&c| mean[c] > 0.0) {
+            darkest = darkest.min(sum[c] / (weights * mean[c]));
+        }
+    }
+    (0.3 * darkest).max(DARK_FLOOR)
+}
+
+/// A part of the map, as one light.
+pub(super) struct Cell {
+    direction: DVec3,
+    flux: [f64; 3],
+    solid_angle: f64,
+}
+
+/// The map in some 32 × 16 cells.
+pub(super) fn cells(panorama: &Panorama) -> Vec<Cell> {
+    let (width, height) = (panorama.width(), panorama.height());
+    let (across, down) = (width.min(32), height.min(16));
+    let mut cells: Vec<Cell> =
+        (0..across * down).map(|_| Cell { direction: DVec3::ZERO, flux: [0.0; 3], solid_angle: 0.0 }).collect();
+    let columns: Vec<usize> = (0..width).map(|column| column * across / width).collect();
+    for row in 0..height {
+        let solid_angle = panorama.solid_angle(row);
+        let cells = &mut cells[row * down / height * across..][..across];
+        for (&column, texel) in columns.iter().zip(panorama.row(row)) {
+            let cell = &mut cells[column];
+            (0..3).for_each(|c| cell.flux[c] += f64::from(texel[c]) * solid_angle);
+            cell.solid_angle += solid_angle;
+        }
+    }
+    for (i, cell) in cells.iter_mut().enumerate() {
+        let theta = PI * ((i / across) as f64 + 0.5) / down as f64;
+        let (sin, cos) = libm::sincos(TAU * ((i % across) as f64 + 0.5) / across as f64 - PI);
+        cell.direction = DVec3::new(libm::sin(theta) * cos, libm::cos(theta), libm::sin(theta) * sin);
+    }
+    cells
+}

@@ -1,0 +1,223 @@
+//! From coefficients to values: rings of constant θ, equally spaced in both angles, and the value in any direction between them.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::analysis::{Coefficients, PARTS};
+use super::fft::{Complex, Fft};
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, sub};
+use super::legendre::{CHUNK, Order, Places, negligible, sectoral_norms};
+
+/// Taps of the interpolation in each angle.
+const TAPS: usize = 6;
+/// Copies of what lies beyond a turn on each side, so that taps need no wrapping.
+const MARGIN: usize = 3;
+
+/// A function on a grid of rings θ = (k + 1/2) π/rings, φ = 2π j/columns.
+#[derive(Debug, Clone)]
+pub(super) struct Rings {
+    rings: usize,
+    columns: usize,
+    /// Eight rings of the north with their mirror images, in turn, each with [`MARGIN`] more on each side; the fourth value is
+    /// padding.
+    strips: Vec<Vec<[f64; 4]>>,
+}
+
+/// Eight rings of the north and their mirror images.
+struct Block {
+    places: Places,
+    largest_sin: f64,
+}
+
+impl Rings {
+    /// Σ λ_l f_lm Y_lm on `rings` × `columns` points (`columns` even and more than twice the degree of λ).
+    pub fn new(
+        coefficients: &Coefficients,
+        eigenvalues: &[f64],
+        [rings, columns]: [usize; 2],
+        instructions: InstructionSet,
+    ) -> Self {
+        let degree = eigenvalues.len() - 1;
+        debug_assert!(columns > 2 * degree && columns.is_multiple_of(2) && degree <= coefficients.degree);
+        let blocks: Vec<Block> =
+            (0..rings.div_ceil(2).div_ceil(LANES)).map(|b| block(b * LANES, rings, degree)).collect();
+        let norms = sectoral_norms(degree);
+        let mut spectra = vec![[ZERO; 2 * PARTS]; (degree + 1) * blocks.len()];
+        spectra.par_chunks_mut(blocks.len()).enumerate().with_max_len(1).for_each(|(m, out)| {
+            instructions.run(
+                #[inline(always)]
+                || synthesise_order(m, &coefficients.orders[m], eigenvalues, norms[m], &blocks, out),
+            );
+        });
+        let fft = Fft::new(columns);
+        let strips: Vec<Vec<[f64; 4]>> = (0..blocks.len())
+            .into_par_iter()
+            .map(|b| {
+                instructions.run(
+                    #[inline(always)]
+                    || strip(b, blocks.len(), &spectra, &fft, columns),
+                )
+            })
+            .collect();
+        Self { rings, columns, strips }
+    }
+
+    /// The value in a unit direction, by Lagrange interpolation of degree five in both angles.
+    #[inline(always)]
+    pub fn at(&self, direction: DVec3) -> [f64; 3] {
+        let theta = libm::atan2(direction.x.hypot(direction.z), direction.y);
+        let phi = libm::atan2(direction.z, direction.x) + PI;
+        let split = |position: f64| {
+            let floor = position.floor();
+            (floor as isize, position - floor)
+        };
+        let (ring, t) = split(theta * self.rings as f64 / PI - 0.5);
+        let (column, u) = split(phi * self.columns as f64 / TAU);
+        let (down, across) = (lagrange(t), lagrange(u));
+        let column = column as usize;
+        let mut sum = [0.0; 4];
+        for (i, weight) in down.iter().enumerate() {
+            let taps = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column);
+            let mut line = [0.0; 4];
+            for (tap, weight) in taps.iter().zip(&across) {
+                line = [
+                    line[0] + tap[0] * weight,
+                    line[1] + tap[1] * weight,
+                    line[2] + tap[2] * weight,
+                    line[3] + tap[3] * weight,
+                ];
+            }
+            for (sum, line) in sum.iter_mut().zip(line) {
+                *sum += line * weight;
+            }
+        }
+        [sum[0], sum[1], sum[2]]
+    }
+}
+
+impl Rings {
+    /// The values around a column of a ring. Over a pole, the ring on its other side comes half a turn away.
+    #[inline(always)]
+    fn taps(&self, ring: isize, column: usize) -> &[[f64; 4]] {
+        let last = self.rings as isize - 1;
+        let (ring, column) = match ring {
+            r if r < 0 => (-1 - r, (column + self.columns / 2) % self.columns),
+            r if r > last => (2 * last + 1 - r, (column + self.columns / 2) % self.columns),
+            r => (r, column % self.columns),
+        };
+        let (north, south) = (ring as usize, (last - ring) as usize);
+        let (pair, side) = if north <= south { (north, 0) } else { (south, 1) };
+        let first = (2 * (pair % LANES) + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2;
+        &self.strips[pair / LANES][first..first + TAPS]
+    }
+}
+
+/// The weights of the points −2, −1, 0, 1, 2, 3 at t in [0, 1].
+#[inline(always)]
+fn lagrange(t: f64) -> [f64; TAPS] {
+    let d = [t + 2.0, t + 1.0, t, t - 1.0, t - 2.0, t - 3.0];
+    let (low, middle, high) = (d[0] * d[1], d[2] * d[3], d[4] * d[5]);
+    [
+        d[1] * middle * high / -120.0,
+        d[0] * middle * high / 24.0,
+        low * d[3] * high / -12.0,
+        low * d[2] * high / 12.0,
+        low * middle * d[5] / -24.0,
+        low * middle * d[4] / 120.0,
+    ]
+}
+
+fn block(first: usize, rings: usize, degree: usize) -> Block {
+    let (mut cos, mut sin) = (ZERO, [1.0; LANES]);
+    let mut largest_sin = 0.0f64;
+    for lane in 0..LANES {
+        let ring = (first + lane) as f64;
+        if first + lane < rings.div_ceil(2) {
+            sin[lane] = libm::sin(PI * (ring + 0.5) / rings as f64);
+            cos[lane] = libm::sin(PI * (0.5 * rings as f64 - ring - 0.5) / rings as f64);
+            largest_sin = largest_sin.max(sin[lane]);
+        }
+    }
+    Block { places: Places::new(cos, sin, degree), largest_sin }
+}
+
+/// Sums over l of even and of odd l − m, at every block.
+#[inline(always)]
+fn synthesise_order(
+    m: usize,
+    coefficients: &[[f64; PARTS]],
+    eigenvalues: &[f64],
+    norm: f64,
+    blocks: &[Block],
+    out: &mut [[V; 2 * PARTS]],
+) {
+    let degree = eigenvalues.len() - 1;
+    let order = Order::new(m, degree);
+    let mut terms = vec![[0.0; PARTS]; order.a.len()];
+    for (k, term) in terms.iter_mut().enumerate().take(degree + 1 - m) {
+        let factor = eigenvalues[m + k] * order.s[k];
+        *term = coefficients[k].map(|v| v * factor);
+    }
+    for (block, out) in blocks.iter().zip(out) {
+        if negligible(degree, m, block.largest_sin) {
+            continue;
+        }
+        let mut walk = block.places.start(m, [norm; LANES]);
+        let mut q = [ZERO; CHUNK];
+        for (a, terms) in order.a.as_chunks::<CHUNK>().0.iter().zip(terms.as_chunks::<CHUNK>().0) {
+            if !walk.advance(block.places.cos, a, &mut q) {
+                continue;
+            }
+            for parity in 0..2 {
+                let mut sums = [ZERO; PARTS];
+                for k in (parity..CHUNK).step_by(2) {
+                    for c in 0..PARTS {
+                        sums[c] = add(sums[c], scale(q[k], terms[k][c]));
+                    }
+                }
+                for c in 0..PARTS {
+                    out[parity * PARTS + c] = add(out[parity * PARTS + c], sums[c]);
+                }
+            }
+        }
+    }
+}
+
+/// The rings of one block, each pair as two rows: north, south.
+#[inline(always)]
+fn strip(block: usize, blocks: usize, spectra: &[[V; 2 * PARTS]], fft: &Fft, columns: usize) -> Vec<[f64; 4]> {
+    let stride = columns + 2 * MARGIN;
+    let mut strip = vec![[0.0; 4]; 2 * LANES * stride];
+    let (mut x, mut spare) = (vec![Complex::ZERO; columns], vec![Complex::ZERO; columns]);
+    for channel in 0..3 {
+        x.fill(Complex::ZERO);
+        for (m, part) in spectra.iter().skip(block).step_by(blocks).enumerate() {
+            let [even, odd] = [0, PARTS].map(|p| (part[p + channel], part[p + 3 + channel]));
+            let north = (add(even.0, odd.0), add(even.1, odd.1));
+            let south = (sub(even.0, odd.0), sub(even.1, odd.1));
+            // The conjugate of north + i south at m and at −m: the transform's conjugate is then the sum with e^(+imφ).
+            if m == 0 {
+                x[0] = Complex { re: north.0, im: scale(south.0, -1.0) };
+            } else {
+                x[m] = Complex { re: sub(north.0, south.1), im: scale(add(north.1, south.0), -1.0) };
+                x[columns - m] = Complex { re: add(north.0, south.1), im: sub(north.1, south.0) };
+            }
+        }
+        fft.forward(&mut x, &mut spare);
+        for (j, value) in x.iter().enumerate() {
+            for lane in 0..LANES {
+                strip[2 * lane * stride + MARGIN + j][channel] = value.re[lane];
+                strip[(2 * lane + 1) * stride + MARGIN + j][channel] = -value.im[lane];
+            }
+        }
+    }
+    for row in strip.chunks_exact_mut(stride) {
+        for k in 0..MARGIN {
+            row[k] = row[columns + k];
+            row[columns + MARGIN + k] = row[MARGIN + k];
+        }
+    }
+    strip
+}
