@@ -19,6 +19,7 @@
 
 use crate::check::Check;
 use crate::environment::Adjusted;
+use crate::environment::spherical_harmonics::IrradianceFit;
 use crate::error::{Error, Result};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
@@ -64,6 +65,9 @@ pub struct Certificate {
     /// An environment's levels, the irradiance cube last.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<Level>,
+    /// How well an environment's nine coefficients render its irradiance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sh: Option<ShFits>,
     /// What the bake was checked against.
     pub checks: Vec<Check>,
     /// What packing changed.
@@ -150,6 +154,16 @@ fn is_nothing(value: &f64) -> bool {
     *value == 0.0
 }
 
+/// How well the two sets of nine coefficients in `sh.json` render the exact irradiance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShFits {
+    /// The projection.
+    pub projected: IrradianceFit,
+    /// What is negative nowhere.
+    pub nonnegative: IrradianceFit,
+}
+
 /// The panorama behind an environment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -185,6 +199,7 @@ impl Certificate {
             files: vec![],
             channels: vec![],
             levels: vec![],
+            sh: None,
             checks: vec![],
             packing: PackReport::default(),
             rounding: None,

@@ -309,6 +309,91 @@ fn environments_of_odd_and_tiny_sizes_bake_and_verify() {
 }
 
 #[test]
+fn many_environments_are_baked_at_once_skipped_when_unchanged_and_fail_alone() {
+    let folder = folder();
+    panorama(folder.path(), "a.exr", 16, 8, 1.0);
+    panorama(folder.path(), "b.exr", 16, 8, 2.0);
+    std::fs::write(folder.path().join("broken.hdr"), "no picture").expect("writes");
+    let some = ["a.exr", "broken.hdr", "b.exr", "builtin:white"];
+    let all =
+        [&["env"][..], &some, &["--out", "o", "--size", "8", "--min-size", "4", "--irradiance-size", "4"]].concat();
+    let error = fail(folder.path(), &all, 1);
+    assert!(error.contains("broken.hdr") && error.contains("1 of 4 environments failed"), "{error}");
+    for name in ["a", "b", "white"] {
+        assert!(folder.path().join("o").join(name).join("specular.ktx2").is_file(), "{name}");
+    }
+    let good: Vec<&str> = all.iter().copied().filter(|a| *a != "broken.hdr").collect();
+    let again = succeed(folder.path(), &good).stderr;
+    assert_eq!(again.matches("unchanged").count(), 3, "{again}");
+    // Another input under the same name, another recipe, a lost file: each is baked again.
+    panorama(folder.path(), "a.exr", 16, 8, 3.0);
+    std::fs::remove_file(folder.path().join("o/b/sh.json")).expect("was there");
+    assert_eq!(succeed(folder.path(), &good).stderr.matches("unchanged").count(), 1);
+    let brighter = [&good[..], &["--exposure", "1"]].concat();
+    assert!(!succeed(folder.path(), &brighter).stderr.contains("unchanged"));
+    assert!(!succeed(folder.path(), &[&brighter[..], &["--force"]].concat()).stderr.contains("unchanged"));
+    fail(folder.path(), &["env", "a.exr", "./a.exr", "--out", "o"], 2);
+}
+
+#[test]
+fn an_environment_is_turned_calibrated_and_relieved_of_its_sun() {
+    let folder = folder();
+    let bake = |out: &str, more: &[&str]| {
+        let small = [
+            "env",
+            "builtin:sun",
+            "--size",
+            "32",
+            "--min-size",
+            "8",
+            "--irradiance-size",
+            "8",
+            "--format",
+            "ktx2:rgba32f",
+        ];
+        succeed(folder.path(), &[&small[..], &["--out", out], more].concat())
+    };
+    let json = |path: &str| -> serde_json::Value {
+        let text = std::fs::read_to_string(folder.path().join(path)).expect("reads");
+        serde_json::from_str(&text).expect("JSON")
+    };
+    bake("plain", &[]);
+    bake("lit", &["--illuminance", "50000", "--nits-per-unit", "100", "--rotate", "90", "--extract-sun"]);
+    let sun = json("lit/sun.json");
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    // Sun and rest together light the ground with what was asked for.
+    let certificate = json("lit/certificate.json");
+    let up = number(&sun["direction"][1]);
+    assert!(up > 0.1 && number(&sun["illuminance"]) * up < 50000.0, "{sun}");
+    assert!(number(&sun["angular_diameter"]) < 1.5 && number(&sun["share"]) > 0.1, "{sun}");
+    let factor = number(&certificate["input"]["adjusted"]["factor"]);
+    let (with, without) = (json("plain/certificate.json"), &certificate);
+    for c in 0..3 {
+        let mean = |v: &serde_json::Value| number(&v["input"]["mean"][c]) * 4.0 * std::f64::consts::PI;
+        let missing = (mean(without) + number(&sun["irradiance"][c])) / (mean(&with) * factor) - 1.0;
+        assert!(missing.abs() < 1e-6, "channel {c}: {missing:e} of the energy");
+    }
+    assert!(succeed(folder.path(), &["verify", "lit"]).stdout.contains("direction extracted again"));
+    let text = std::fs::read_to_string(folder.path().join("lit/sun.json")).expect("reads");
+    std::fs::write(folder.path().join("lit/sun.json"), text.replacen("\"share\": 0", "\"share\": 1", 1))
+        .expect("writes");
+    fail_verification(folder.path(), "lit/sun.json");
+    let info = succeed(folder.path(), &["info", "plain/specular.ktx2"]);
+    assert!(info.stdout.contains("KTX2"), "{}", info.stdout);
+    for bad in
+        [["--scale", "0"], ["--illuminance", "-5"], ["--exposure", "nan"], ["--clamp", "inf"], ["--efficacy", "0"]]
+    {
+        fail(folder.path(), &[&["env", "builtin:sun", "--out", "bad"][..], &bad].concat(), 2);
+    }
+}
+
+/// Verification finds a fault.
+fn fail_verification(folder: &Path, file: &str) {
+    let run = kiln(folder, &["verify", file]);
+    assert_eq!(run.code, 3, "{}{}", run.stdout, run.stderr);
+}
+
+#[test]
 fn values_beyond_a_half_float_are_clamped_counted_and_warned_of() {
     let folder = folder();
     let arguments = ["env", "builtin:sky", "--out", "o", "--size", "64", "--roughness", "0", "--irradiance-size", "4"];

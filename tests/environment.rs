@@ -226,13 +226,13 @@ fn irradiance_facing_a_sun_is_its_flux() {
 fn spherical_harmonics_hold_a_gradient_and_fail_on_a_sun() {
     let exact = |map: &Panorama| irradiance_cube(map, &spec(8, 8, 0, Integrator::Quadrature), &silent).unwrap().0;
     let gradient = builtin("gradient", 128).unwrap();
-    let fit = judge(&project(&gradient), &exact(&gradient));
+    let fit = judge(&project(&gradient).irradiance_over_pi, &exact(&gradient));
     // Half a row, squared: what the steps of the map have beyond order two.
     assert!(fit.max_relative_error < (PI / 64.0).powi(2), "{fit:?}");
     assert!(fit.min > 0.5, "{fit:?}");
     // For a lone light the fit to max(c, 0) is 1/4 + c/2 + 5/32 (3c² − 1), which is −0.04 at c = −8/15.
     let sun = builtin("sun", 128).unwrap();
-    let fit = judge(&project(&sun), &exact(&sun));
+    let fit = judge(&project(&sun).irradiance_over_pi, &exact(&sun));
     assert!(fit.min < 0.0 && fit.rms_error > 0.05, "{fit:?}");
 }
 

@@ -1,7 +1,7 @@
 //! Baking an environment: specular chain, irradiance, spherical harmonics.
 
 use super::{Baked, refuse_failures, texel_digest};
-use crate::certificate::{self, Certificate, FileDigest, Input, Level};
+use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
@@ -36,6 +36,8 @@ pub struct ShFile {
     pub harmonics: SphericalHarmonics,
     /// How well nine coefficients render the irradiance cube.
     pub fit: IrradianceFit,
+    /// The same of those that are negative nowhere.
+    pub fit_nonnegative: IrradianceFit,
 }
 
 /// The file of a sun that was taken out.
@@ -105,6 +107,19 @@ pub fn source(recipe: &EnvironmentRecipe) -> Result<Source> {
     Ok(Source { panorama, report, adjusted })
 }
 
+/// Whether a certificate is for what the recipe would bake now: the same recipe, the same input, the same algorithms.
+pub fn is_current(recipe: &EnvironmentRecipe, certificate: &Certificate) -> bool {
+    let now = Certificate::new();
+    let same_input = || {
+        let Ok(source) = source(recipe) else { return false };
+        let digest = texel_digest([source.panorama.texels().as_flattened()]);
+        certificate.input.as_ref().is_some_and(|input| input.digest == digest)
+    };
+    (certificate.kiln == now.kiln && certificate.algorithms == now.algorithms)
+        && certificate.environment.as_ref() == Some(recipe)
+        && same_input()
+}
+
 /// Filters, checks and packs one environment.
 ///
 /// **Errors**: a recipe that cannot be baked; a tolerance that is not reached; a failed check.
@@ -116,11 +131,12 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format.number);
     let judged = EnvironmentValues { levels: &values, ulp: ulp(format.number), largest: largest(format.number) };
     let harmonics = spherical_harmonics::project(panorama);
-    let fit = spherical_harmonics::judge(&harmonics, &irradiance.0);
+    let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
+    let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
     let mut checks = judged.facts(report.min < 0.0);
     checks.extend(judged.against(panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
-    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit };
+    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
     let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
     let names = FILES.iter().copied().chain(sun.as_ref().map(|_| SUN_FILE));
@@ -130,6 +146,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         input: Some(input(source)),
         files: names.clone().zip(digests).map(|(f, digest)| FileDigest { file: f.to_owned(), digest }).collect(),
         levels: values.iter().zip(specular.iter().chain([&irradiance])).map(|(v, (_, r))| level(&v.name, r)).collect(),
+        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
         checks,
         packing,
         ..Certificate::new()

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
 use crate::pack::Number;
 use crate::table::quantity::Handle;
-use crate::table::{Parameter, TableSpec};
+use crate::table::{Parameter, TableSpec, Trend};
 use rayon::prelude::*;
 
 /// Which of a table's values are looked at, and what they may be off by.
@@ -91,10 +91,35 @@ impl TableValues<'_> {
             });
             checks.extend(self.worst("distance outside the quantity's bounds", c, outside));
             checks.extend(self.identities(c));
+            checks.extend((0..self.spec.axes.len()).filter_map(|axis| self.monotony(c, axis)));
         }
         checks.extend(self.scale_plus_bias());
         checks.extend(self.closure());
         checks
+    }
+
+    /// Steps the wrong way, along an axis on which the quantity is monotone.
+    fn monotony(&self, channel: usize, axis: usize) -> Option<Check> {
+        let varied = &self.spec.axes[axis];
+        let trend = self.spec.channels[channel].quantity.trend(varied.parameter)?;
+        let n = self.spec.channels.len();
+        let stride: usize = self.spec.axes[..axis].iter().map(|a| a.size).product();
+        let mut order: Vec<(f64, usize)> = (0..varied.size).map(|i| (varied.value(i), i)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Axes that run to infinity may come to the same value twice.
+        order.dedup_by(|b, a| a.0 == b.0);
+        let steps =
+            (0..self.spec.len()).filter(|texel| (texel / stride).is_multiple_of(varied.size)).flat_map(|first| {
+                order.windows(2).map(move |pair| [pair[0].1, pair[1].1].map(|i| first + i * stride)).collect::<Vec<_>>()
+            });
+        let deviations = steps.map(|[before, after]| {
+            let (a, b) = (self.values[before * n + channel], self.values[after * n + channel]);
+            let wrong = if trend == Trend::Rises { a - b } else { b - a };
+            let tolerance = self.tolerance(channel, a) + self.tolerance(channel, b);
+            Deviation { texel: after, off: if wrong.is_nan() { wrong } else { wrong.max(0.0) }, tolerance }
+        });
+        let name = format!("steps against its trend along {}", varied.parameter);
+        self.worst(&name, channel, deviations)
     }
 
     /// Closed forms and limits, at the texels where the quantity has them.

@@ -7,7 +7,8 @@ use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
 use kiln::bake::Source;
 use kiln::certificate::Certificate;
-use kiln::environment::{InstructionSet, Negatives, NonFinite};
+use kiln::environment::spherical_harmonics::IrradianceFit;
+use kiln::environment::{BUILTIN_PREFIX, InstructionSet, Negatives, NonFinite};
 use kiln::format::FormatSpec;
 use kiln::recipe::EnvironmentRecipe;
 use kiln::{Error, Result};
@@ -20,11 +21,19 @@ use std::path::{Path, PathBuf};
                         samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
 )]
 pub struct Env {
-    /// Equirectangular panorama (.hdr or .exr, 2:1), or builtin:NAME: see `kiln list environments`
-    input: String,
+    /// Equirectangular panorama (.hdr or .exr, 2:1), or builtin:NAME: see `kiln list environments`. Of several, each gets a folder of
+    /// its name, those that are baked already are skipped, and one that fails does not stop the others
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<String>,
     /// Folder to write to; created if it is missing
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Bake also what has not changed since it was baked
+    #[arg(long)]
+    force: bool,
+    /// A quick look: stands for --size 64 --irradiance-size 16
+    #[arg(long, conflicts_with_all = ["size", "irradiance_size"])]
+    draft: bool,
     /// Texels along an edge of the specular cube's level 0
     #[arg(long, value_name = "N", default_value_t = 256)]
     size: usize,
@@ -70,11 +79,49 @@ enum NegativesName {
 
 impl Env {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let mut recipe = EnvironmentRecipe::new(&self.input);
-        recipe.size = self.size;
+        if let [input] = &self.inputs[..] {
+            let certificate = bake_environment(&self.recipe(input), &self.out, console)?;
+            return if console.json { console.print_json(&certificate) } else { Ok(()) };
+        }
+        let names = names(&self.inputs)?;
+        let (mut certificates, mut failed) = (vec![], 0_usize);
+        for (input, name) in self.inputs.iter().zip(names) {
+            let mut recipe = self.recipe(input);
+            recipe.directory = name;
+            recipe.check()?;
+            let target = self.out.join(&recipe.directory);
+            match self.baked_before(&recipe, &target) {
+                Some(certificate) => {
+                    console.note(&format!("{}: unchanged", target.display()));
+                    certificates.push(certificate);
+                }
+                None => match bake_environment(&recipe, &self.out, console) {
+                    Ok(certificate) => certificates.push(certificate),
+                    Err(error) => {
+                        console.error(&error);
+                        failed += 1;
+                    }
+                },
+            }
+        }
+        if console.json {
+            console.print_json(&certificates)?;
+        }
+        if failed > 0 {
+            return Err(Error::unsupported(
+                format!("{failed} of {} environments failed", self.inputs.len()),
+                "see above; the others are baked",
+            ));
+        }
+        Ok(())
+    }
+
+    fn recipe(&self, input: &str) -> EnvironmentRecipe {
+        let mut recipe = EnvironmentRecipe::new(input);
+        (recipe.size, recipe.irradiance_size) =
+            if self.draft { (DRAFT_SIZE, DRAFT_SIZE / 4) } else { (self.size, self.irradiance_size) };
         recipe.min_size = self.min_size;
         recipe.roughness = (!self.roughness.is_empty()).then(|| self.roughness.clone());
-        recipe.irradiance_size = self.irradiance_size;
         recipe.format = self.format;
         recipe.nonfinite = match self.nonfinite {
             NonFiniteName::Error => NonFinite::Error,
@@ -86,9 +133,46 @@ impl Env {
         };
         recipe.integration = self.integration.over(recipe.integration);
         recipe.adjust = self.adjust.adjustment();
-        let certificate = bake_environment(&recipe, &self.out, console)?;
-        if console.json { console.print_json(&certificate) } else { Ok(()) }
+        recipe
     }
+
+    /// The certificate of what is in `target`, if it is what the recipe would write there again.
+    fn baked_before(&self, recipe: &EnvironmentRecipe, target: &Path) -> Option<Certificate> {
+        if self.force {
+            return None;
+        }
+        let text = std::fs::read_to_string(target.join("certificate.json")).ok()?;
+        let certificate = Certificate::from_json(&text).ok()?;
+        let whole = certificate.files.iter().all(|file| target.join(&file.file).is_file());
+        (whole && kiln::bake::is_current(recipe, &certificate)).then_some(certificate)
+    }
+}
+
+/// Texels along an edge of level 0 in a draft.
+const DRAFT_SIZE: usize = 64;
+
+/// The folder of each of several inputs: its name without extension.
+///
+/// **Errors**: two that would share one.
+fn names(inputs: &[String]) -> Result<Vec<String>> {
+    let mut names: Vec<String> = vec![];
+    for input in inputs {
+        let name = match input.strip_prefix(BUILTIN_PREFIX) {
+            Some(name) => Some(name.to_owned()),
+            None => Path::new(input).file_stem().and_then(|n| n.to_str()).map(str::to_owned),
+        };
+        let name = name.filter(|n| !n.is_empty()).ok_or_else(|| {
+            Error::usage(format!("{input:?} has no name for its folder"), "bake it alone, or rename the file")
+        })?;
+        if let Some(other) = names.iter().position(|n| *n == name) {
+            return Err(Error::usage(
+                format!("{} and {input} would both be written to {name}/", inputs[other]),
+                "bake one of them alone, with an --out of its own",
+            ));
+        }
+        names.push(name);
+    }
+    Ok(names)
 }
 
 /// Bakes an environment below `folder`, and says what became of it.
@@ -134,6 +218,15 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         .collect();
     let is_zonal = baked.certificate.levels.iter().any(|l| l.integrator == "zonal");
     let with = if is_zonal { format!(" with {}", InstructionSet::detect().name()) } else { String::new() };
+    if let Some(fits) = &baked.certificate.sh {
+        let percent = |fit: &IrradianceFit| format!("{:.1} %", 100.0 * fit.rms_error);
+        let lowest = if fits.projected.min < 0.0 { ", below zero somewhere" } else { "" };
+        console.note(&format!(
+            "irradiance in nine coefficients: off by {} RMS{lowest}; {} by those that are negative nowhere",
+            percent(&fits.projected),
+            percent(&fits.nonnegative)
+        ));
+    }
     console.note(&format!(
         "{}{with}: {}; {} checks passed",
         target.display(),

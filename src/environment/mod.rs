@@ -15,6 +15,7 @@ pub mod full_sum;
 pub mod irradiance;
 pub mod kernel;
 pub mod monte_carlo;
+pub mod nonnegative;
 pub mod panorama;
 mod peel;
 pub mod photometry;

@@ -6,7 +6,7 @@
 //!
 //! Irradiance: Ramamoorthi & Hanrahan (2001), "An efficient representation for irradiance environment maps": each band is
 //! multiplied by A_l; divided by π that is 1, 2/3, 1/4. Nine coefficients are an approximation, worse the smaller the
-//! lights are, and can go negative opposite a sun: [`IrradianceFit`] says how far.
+//! lights are, and can go negative opposite a sun: [`IrradianceFit`] says how far, and [`nonnegative`] gives nine that do not.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,6 +14,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::cube::{Cube, texel_direction};
+use super::nonnegative::nonnegative;
 use super::panorama::Panorama;
 
 /// Nine RGB coefficients.
@@ -32,6 +33,8 @@ pub struct SphericalHarmonics {
     pub radiance: Coefficients,
     /// Irradiance divided by π: the same, band l multiplied by 1, 2/3, 1/4.
     pub irradiance_over_pi: Coefficients,
+    /// The nearest to them that are negative in no direction.
+    pub irradiance_over_pi_nonnegative: Coefficients,
 }
 
 /// How well nine coefficients render the exact irradiance.
@@ -41,7 +44,7 @@ pub struct IrradianceFit {
     pub min: f64,
     /// Root mean square of (fit − exact) over the sphere, divided by the root mean square of the exact values.
     pub rms_error: f64,
-    /// Largest |fit − exact| divided by the exact value.
+    /// Largest |fit − exact| divided by the exact value, or by 1e-3 of its largest where that is more.
     pub max_relative_error: f64,
 }
 
@@ -75,12 +78,14 @@ pub fn evaluate(coefficients: &Coefficients, direction: DVec3) -> [f64; 3] {
 /// The exact coefficients of a panorama.
 pub fn project(panorama: &Panorama) -> SphericalHarmonics {
     let radiance = project_radiance(panorama);
+    let irradiance_over_pi = std::array::from_fn(|i| radiance[i].map(|v| v * COSINE_LOBE[i]));
     SphericalHarmonics {
         basis: "real, orthonormal, no Condon-Shortley sign, +Y up".to_owned(),
         order: ORDER.map(str::to_owned).to_vec(),
         normalisation: normalisation().to_vec(),
         radiance,
-        irradiance_over_pi: std::array::from_fn(|i| radiance[i].map(|v| v * COSINE_LOBE[i])),
+        irradiance_over_pi,
+        irradiance_over_pi_nonnegative: nonnegative(&irradiance_over_pi),
     }
 }
 
@@ -149,13 +154,14 @@ fn project_radiance(panorama: &Panorama) -> Coefficients {
     })
 }
 
-/// Compares the fit with an exact irradiance cube (E/π), at its texel centres.
-pub fn judge(harmonics: &SphericalHarmonics, exact: &Cube) -> IrradianceFit {
+/// Compares coefficients of E/π with an exact irradiance cube, at its texel centres.
+pub fn judge(coefficients: &Coefficients, exact: &Cube) -> IrradianceFit {
     let weights = super::cube::solid_angles(exact.size);
     let (mut min, mut max) = (f64::INFINITY, 0.0f64);
     let (mut errors, mut squares) = (0.0, 0.0);
+    let floor = 1e-3 * exact.texels.iter().flatten().fold(0.0, |m, v| f64::max(m, f64::from(v.abs())));
     for (index, texel) in exact.texels.iter().enumerate() {
-        let fit = evaluate(&harmonics.irradiance_over_pi, texel_direction(exact.size, index));
+        let fit = evaluate(coefficients, texel_direction(exact.size, index));
         let weight = weights[index % weights.len()];
         for c in 0..3 {
             let wanted = f64::from(texel[c]);
@@ -164,7 +170,7 @@ pub fn judge(harmonics: &SphericalHarmonics, exact: &Cube) -> IrradianceFit {
             errors += weight * error * error;
             squares += weight * wanted * wanted;
             if error != 0.0 {
-                max = max.max(error.abs() / wanted.abs());
+                max = max.max(error.abs() / wanted.abs().max(floor));
             }
         }
     }

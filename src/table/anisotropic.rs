@@ -21,6 +21,7 @@ static DIRECTIONAL: [Quantity; 1] = [Quantity {
     definition: "∫ D G2 / (4 μo) dωi",
     source: "Heitz 2014, \"Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs\" (the lobe)",
     parameters: &[Parameter::Mu, Parameter::Phi, Parameter::AlphaX, Parameter::AlphaY],
+    monotone: &[],
     bounds: (0.0, 1.0),
 }];
 

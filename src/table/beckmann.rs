@@ -1,6 +1,6 @@
 //! Beckmann reflection: the split sum and the albedos, as for GGX (see [`super::ggx`]).
 
-use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity, Trend};
 use crate::error::{Error, Result};
 use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
@@ -23,6 +23,7 @@ static SPLIT: [Quantity; 3] = [
         definition: "∫ (1 − (1 − wo·h)⁵) D G2 / (4 μo) dωi",
         source: SOURCE,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -31,6 +32,7 @@ static SPLIT: [Quantity; 3] = [
         definition: "∫ (1 − wo·h)⁵ D G2 / (4 μo) dωi",
         source: SOURCE,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -39,6 +41,7 @@ static SPLIT: [Quantity; 3] = [
         definition: "∫ D G2 / (4 μo) dωi = scale + bias",
         source: SOURCE,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
 ];
@@ -128,6 +131,7 @@ static AVERAGE: [Quantity; 1] = [Quantity {
     definition: "2 ∫ E(μ) μ dμ",
     source: SOURCE,
     parameters: &[Parameter::Alpha],
+    monotone: &[(Parameter::Alpha, Trend::Falls)],
     bounds: (0.0, 1.0),
 }];
 

@@ -4,7 +4,7 @@
 //! the horizon. At the horizon itself the albedo grows without bound as alpha → 0; where both are 0 the upright fibres are taken.
 //! The fitted Λ, being finite at the horizon, lets the albedo diverge there at every alpha: those points are errors.
 
-use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity, Trend};
 use crate::error::{Error, Result};
 use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
@@ -26,6 +26,7 @@ static DIRECTIONAL: [Quantity; 1] = [Quantity {
     definition: "∫ D V μi dωi with D = (2 + 1/α) sin^(1/α)θ / 2π",
     source: SOURCE,
     parameters: &[Parameter::Mu, Parameter::Alpha],
+    monotone: &[],
     bounds: (0.0, f64::INFINITY),
 }];
 
@@ -95,6 +96,7 @@ static AVERAGE: [Quantity; 1] = [Quantity {
     definition: "2 ∫ E(μ) μ dμ",
     source: SOURCE,
     parameters: &[Parameter::Alpha],
+    monotone: &[(Parameter::Alpha, Trend::Rises)],
     bounds: (0.0, 1.0),
 }];
 

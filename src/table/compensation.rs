@@ -32,6 +32,7 @@ static COMPENSATION: [Quantity; 5] = [
         definition: "R = F0 scale + bias",
         source: "Karis 2013, \"Real Shading in Unreal Engine 4\"",
         parameters: PARAMETERS,
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -40,6 +41,7 @@ static COMPENSATION: [Quantity; 5] = [
         definition: "R + (1 − E) F_avg E_avg/(1 − F_avg (1 − E_avg))",
         source: "Kulla and Conty 2017, \"Revisiting Physically Based Shading at Imageworks\"",
         parameters: PARAMETERS,
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -48,6 +50,7 @@ static COMPENSATION: [Quantity; 5] = [
         definition: "R + (1 − E) F_avg² E_avg/(1 − F_avg (1 − E_avg))",
         source: "Hill 2018, \"A Multi-Faceted Exploration\" (a tweak of Kulla and Conty's factor), as shaders write it",
         parameters: PARAMETERS,
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -56,6 +59,7 @@ static COMPENSATION: [Quantity; 5] = [
         definition: "R (1 + F0 (1/E − 1))",
         source: "Turquin 2019, \"Practical multiple scattering compensation for microfacet models\" (as MaterialX quotes it)",
         parameters: PARAMETERS,
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -64,6 +68,7 @@ static COMPENSATION: [Quantity; 5] = [
         definition: "R + R F_avg (1 − E)/(1 − F_avg (1 − E))",
         source: "Fdez-Agüera 2019, \"A Multiple-Scattering Microfacet Model for Real-Time Image-based Lighting\" (as shaders quote it)",
         parameters: PARAMETERS,
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
 ];

@@ -34,6 +34,7 @@ static CONDUCTOR: [Quantity; 1] = [Quantity {
     definition: "∫ F(wo·h; n, k) D G2 / (4 μo) dωi",
     source: "Walter et al. 2007 and Heitz 2014 (the lobe); Lagarde 2013, \"Memo on Fresnel equations\" (F)",
     parameters: &[Parameter::Mu, Parameter::Alpha, Parameter::N, Parameter::K],
+    monotone: &[],
     bounds: (0.0, 1.0),
 }];
 

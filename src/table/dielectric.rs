@@ -22,7 +22,15 @@ const fn row(average: usize, index: usize, summary: &'static str, definition: &'
     const PARAMETERS: [Parameter; 3] = [Parameter::Mu, Parameter::Alpha, Parameter::Eta];
     const WIDTH_AND_INDEX: [Parameter; 2] = [Parameter::Alpha, Parameter::Eta];
     let parameters: &'static [Parameter] = if average == 0 { &PARAMETERS } else { &WIDTH_AND_INDEX };
-    Quantity { name: NAMES[average][index], summary, definition, source: SOURCE, parameters, bounds: (0.0, 1.0) }
+    Quantity {
+        name: NAMES[average][index],
+        summary,
+        definition,
+        source: SOURCE,
+        parameters,
+        monotone: &[],
+        bounds: (0.0, 1.0),
+    }
 }
 
 static DIRECTIONAL: [Quantity; 3] = [

@@ -1,6 +1,6 @@
 //! Directional albedos of rough diffuse lobes: closed forms beside cosine-sampled Monte Carlo.
 
-use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity, Trend};
 use crate::error::Result;
 use crate::integrate::{Estimate, Integration};
 use crate::math::frame::direction_with_cosine;
@@ -76,6 +76,7 @@ pub static BURLEY: Diffuse = Diffuse {
         definition: "∫ (1 + (F90 − 1)(1 − μo)⁵)(1 + (F90 − 1)(1 − μi)⁵)/π cosθi dωi, F90 = 1/2 + 2 roughness (wi·h)²",
         source: "Burley 2012, \"Physically Based Shading at Disney\"",
         parameters: &[Parameter::Mu, Parameter::Roughness],
+        monotone: &[(Parameter::Roughness, Trend::Rises)],
         bounds: (0.488, 1.5576),
     }],
     lobe: |at| Ok(Box::new(burley(at, false)?)),
@@ -91,6 +92,7 @@ pub static BURLEY_RENORMALIZED: Diffuse = Diffuse {
         definition: "(1 − roughness (1 − 1/1.51)) times Burley's with F90 = roughness/2 + 2 roughness (wi·h)²",
         source: "Lagarde and de Rousiers 2014, \"Moving Frostbite to Physically Based Rendering\", sec. 3.1.3",
         parameters: &[Parameter::Mu, Parameter::Roughness],
+        monotone: &[],
         bounds: (0.0, 1.0315),
     }],
     lobe: |at| Ok(Box::new(burley(at, true)?)),
@@ -112,6 +114,7 @@ pub static OREN_NAYAR: Diffuse = Diffuse {
         source: "Oren and Nayar 1994, \"Generalization of Lambert's Reflectance Model\"",
         parameters: &[Parameter::Mu, Parameter::Sigma],
         // Above 1 at grazing incidence for small sigma: at most A + B/2 at sigma² = 0.04.
+        monotone: &[(Parameter::Mu, Trend::Falls)],
         bounds: (0.5, 1.0153),
     }],
     lobe: |at| Ok(Box::new(OrenNayar { sigma: at.get(Parameter::Sigma)? })),
@@ -127,6 +130,7 @@ pub static FUJII: Diffuse = Diffuse {
         definition: "∫ A (1 + roughness s/t)/π cosθi dωi, A = 1/(1 + (1/2 − 2/(3π)) roughness)",
         source: "Fujii, \"A tiny improvement of Oren-Nayar reflectance model\"",
         parameters: &[Parameter::Mu, Parameter::Roughness],
+        monotone: &[(Parameter::Mu, Trend::Falls), (Parameter::Roughness, Trend::Falls)],
         bounds: (0.75, 1.0),
     }],
     lobe: |at| Ok(Box::new(Fujii { roughness: at.get(Parameter::Roughness)? })),
@@ -147,6 +151,11 @@ pub static EON: Diffuse = Diffuse {
         definition: "ρ E + ρ² E_avg/(1 − ρ (1 − E_avg)) (1 − E), E that of Fujii's lobe",
         source: PORTSMOUTH,
         parameters: &[Parameter::Mu, Parameter::Roughness, Parameter::Rho],
+        monotone: &[
+            (Parameter::Mu, Trend::Falls),
+            (Parameter::Roughness, Trend::Falls),
+            (Parameter::Rho, Trend::Rises),
+        ],
         bounds: (0.0, 1.0),
     }],
     lobe: |at| Ok(Box::new(Eon { roughness: at.get(Parameter::Roughness)?, rho: at.get(Parameter::Rho)? })),

@@ -1,6 +1,6 @@
 //! Fresnel reflectances at a point, which are closed forms, and their averages over the hemisphere.
 
-use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity, Trend};
 use crate::error::Result;
 use crate::integrate::fresnel::{conductor_average, dielectric_average};
 use crate::integrate::monte_carlo::defensive_tail;
@@ -69,6 +69,7 @@ pub static SCHLICK: Pointwise = Pointwise {
         definition: "F0 + (1 − F0) (1 − μ)⁵",
         source: SCHLICK_1994,
         parameters: &[Parameter::Mu, Parameter::F0],
+        monotone: &[(Parameter::Mu, Trend::Falls), (Parameter::F0, Trend::Rises)],
         bounds: (0.0, 1.0),
     }],
     values: |at| Ok(vec![fresnel::schlick(at.get(Parameter::F0)?, at.get(Parameter::Mu)?)]),
@@ -91,6 +92,7 @@ pub static DIELECTRIC: Pointwise = Pointwise {
             definition: "(r∥² + r⊥²)/2; 1 beyond the critical angle",
             source: LAGARDE,
             parameters: &[Parameter::Mu, Parameter::Eta],
+            monotone: &[],
             bounds: (0.0, 1.0),
         },
         Quantity {
@@ -99,6 +101,7 @@ pub static DIELECTRIC: Pointwise = Pointwise {
             definition: "r∥², r∥ = (η²μ − g)/(η²μ + g), g = √(η² − 1 + μ²)",
             source: LAGARDE,
             parameters: &[Parameter::Mu, Parameter::Eta],
+            monotone: &[],
             bounds: (0.0, 1.0),
         },
         Quantity {
@@ -107,6 +110,7 @@ pub static DIELECTRIC: Pointwise = Pointwise {
             definition: "r⊥², r⊥ = (μ − g)/(μ + g), g = √(η² − 1 + μ²)",
             source: LAGARDE,
             parameters: &[Parameter::Mu, Parameter::Eta],
+            monotone: &[],
             bounds: (0.0, 1.0),
         },
     ],
@@ -133,6 +137,7 @@ pub static CONDUCTOR: Pointwise = Pointwise {
         definition: "(|r∥|² + |r⊥|²)/2 of the complex index",
         source: LAGARDE,
         parameters: &[Parameter::Mu, Parameter::N, Parameter::K],
+        monotone: &[],
         bounds: (0.0, 1.0),
     }],
     values: |at| Ok(vec![fresnel::conductor(at.get(Parameter::Mu)?, at.get(Parameter::N)?, at.get(Parameter::K)?)]),
@@ -160,6 +165,7 @@ pub static F82: Pointwise = Pointwise {
         definition: "schlick(μ) − a μ (1 − μ)⁶, a such that F(1/7) = f82 schlick(1/7)",
         source: MATERIALX,
         parameters: &[Parameter::Mu, Parameter::F0, Parameter::F82],
+        monotone: &[],
         bounds: (-0.127, 1.0),
     }],
     values: |at| Ok(vec![fresnel::f82_tint(at.get(Parameter::F0)?, at.get(Parameter::F82)?, at.get(Parameter::Mu)?)]),
@@ -216,6 +222,7 @@ pub static SCHLICK_AVERAGE: Average = Average {
         definition: "2 ∫ F μ dμ = (20 F0 + 1)/21",
         source: SCHLICK_1994,
         parameters: &[Parameter::F0],
+        monotone: &[(Parameter::F0, Trend::Rises)],
         bounds: (1.0 / 21.0, 1.0),
     }],
     quadrature: |at, _| Ok(Estimate::bound(fresnel::schlick_average(at.get(Parameter::F0)?), 2.0 * f64::EPSILON)),
@@ -233,6 +240,7 @@ pub static DIELECTRIC_AVERAGE: Average = Average {
         definition: "2 ∫ F μ dμ",
         source: WALSH,
         parameters: &[Parameter::Eta],
+        monotone: &[],
         bounds: (0.0, 1.0),
     }],
     quadrature: |at, tolerance| Ok(dielectric_average(at.get(Parameter::Eta)?, tolerance)),
@@ -258,6 +266,7 @@ pub static CONDUCTOR_AVERAGE: Average = Average {
         definition: "2 ∫ F μ dμ",
         source: LAGARDE,
         parameters: &[Parameter::N, Parameter::K],
+        monotone: &[],
         bounds: (0.0, 1.0),
     }],
     quadrature: |at, tolerance| Ok(conductor_average(at.get(Parameter::N)?, at.get(Parameter::K)?, tolerance)),

@@ -10,7 +10,7 @@
 //! The limits are values, not clamps: alpha = 0 is the mirror, and at mu = 0 the integrals exist for every alpha > 0.
 //! Where both are 0 the two limits differ for separable Smith; the mirror is taken.
 
-use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity, Trend};
 use super::specular::TAIL;
 use crate::error::Result;
 use crate::integrate::monte_carlo::defensive_tail;
@@ -39,6 +39,7 @@ static SPLIT: [Quantity; 4] = [
         definition: "∫ (1 − (1 − wo·h)⁵) D G2 / (4 μo) dωi",
         source: KARIS,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -47,6 +48,7 @@ static SPLIT: [Quantity; 4] = [
         definition: "∫ (1 − wo·h)⁵ D G2 / (4 μo) dωi",
         source: KARIS,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -55,6 +57,7 @@ static SPLIT: [Quantity; 4] = [
         definition: "∫ D G2 / (4 μo) dωi = scale + bias",
         source: KULLA_CONTY,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, 1.0),
     },
     Quantity {
@@ -63,6 +66,7 @@ static SPLIT: [Quantity; 4] = [
         definition: "∫ (wo·h) (1 − wo·h)⁶ D G2 / (4 μo) dωi",
         source: F82,
         parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
         bounds: (0.0, MOST_F82),
     },
 ];
@@ -165,6 +169,7 @@ static AVERAGE: [Quantity; 1] = [Quantity {
     definition: "2 ∫ E(μ) μ dμ",
     source: KULLA_CONTY,
     parameters: &[Parameter::Alpha],
+    monotone: &[(Parameter::Alpha, Trend::Falls)],
     bounds: (0.0, 1.0),
 }];
 

@@ -19,6 +19,7 @@ static LAMBERT: [Quantity; 1] = [Quantity {
     definition: "∫ 1/π cosθi dωi = 1",
     source: "Lambert 1760, Photometria (as every radiometry textbook gives it)",
     parameters: &[Parameter::Mu],
+    monotone: &[],
     bounds: (1.0, 1.0),
 }];
 

@@ -21,6 +21,7 @@ static LAYERED: [Quantity; 1] = [Quantity {
     source: "Kelemen and Szirmay-Kalos 2001, as Kulla and Conty 2017 use it (the reciprocal kd)",
     parameters: &[Parameter::Mu, Parameter::Alpha, Parameter::F0, Parameter::Rho],
     // With kd = 1 − F the sum can exceed 1, each part of it cannot.
+    monotone: &[],
     bounds: (0.0, 2.0),
 }];
 

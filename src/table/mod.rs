@@ -28,4 +28,4 @@ pub mod specular;
 pub use axis::{Axis, Sampling};
 pub use bake::{Evaluator, Progress, Table, TableSpec};
 pub use layout::{Arrangement, Layout};
-pub use quantity::{Family, Model, Parameter, Point, Quantity};
+pub use quantity::{Family, Model, Parameter, Point, Quantity, Trend};

@@ -363,14 +363,31 @@ pub struct Quantity {
     pub source: &'static str,
     /// The parameters that it depends on.
     pub parameters: &'static [Parameter],
+    /// The parameters along which it only rises or only falls, wherever the others are and whichever model is chosen: by its formula,
+    /// or scanned over its domain. (GGX's E, for one, is monotone in neither parameter.)
+    pub monotone: &'static [(Parameter, Trend)],
     /// Values never leave this interval.
     pub bounds: (f64, f64),
+}
+
+/// How a monotone quantity changes as a parameter grows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trend {
+    /// It never falls.
+    Rises,
+    /// It never rises.
+    Falls,
 }
 
 impl Quantity {
     /// The part of the name after the dot.
     pub fn short_name(&self) -> &'static str {
         self.name.rsplit('.').next().unwrap_or(self.name)
+    }
+
+    /// How it changes along `parameter`, or the one that it stands for, where it is monotone.
+    pub fn trend(&self, parameter: Parameter) -> Option<Trend> {
+        self.monotone.iter().find(|(p, _)| p.canonical() == parameter.canonical()).map(|(_, trend)| *trend)
     }
 
     /// Whether `parameter`, or the one that it stands for, matters.

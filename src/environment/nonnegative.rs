@@ -1,0 +1,194 @@
+//! The nearest irradiance in nine coefficients that is negative nowhere.
+//!
+//! Nine coefficients of a small sun ring: opposite to it they go below zero, and engines that clamp there change colours. Here the
+//! projection c₀ is moved as little as possible, in the root mean square over the sphere (the basis is orthonormal), until
+//! Y(d)·c ≥ 0 for every direction d: a convex problem with a constraint per direction, of which few matter. They are found one
+//! after the other, at the lowest point so far (an exchange method), and solved for by their multipliers:
+//! c = c₀ + Σ λ_k Y(d_k), λ ≥ 0, λ_k = 0 where Y(d_k)·c > 0.
+
+use super::spherical_harmonics::{Coefficients, basis};
+use glam::DVec3;
+use std::sync::LazyLock;
+
+/// Constraints added at most; a sphere's worth of lowest points needs a few tens.
+const MOST_CONSTRAINTS: usize = 200;
+/// Below this part of the mean a dip is lifted out with the constant instead.
+const LOWEST: f64 = 1e-9;
+/// Sweeps over the multipliers at most.
+const SWEEPS: usize = 100_000;
+
+/// Directions to start searches for the lowest point from: a spiral, 3° apart.
+static STARTS: LazyLock<Vec<(DVec3, [f64; 9])>> = LazyLock::new(|| {
+    const N: usize = 4096;
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    (0..N)
+        .map(|i| {
+            let y = 1.0 - (2.0 * i as f64 + 1.0) / N as f64;
+            let r = ((1.0 - y) * (1.0 + y)).sqrt();
+            let (sin, cos) = (golden * i as f64).sin_cos();
+            let d = DVec3::new(r * cos, y, r * sin);
+            (d, basis(d))
+        })
+        .collect()
+});
+
+/// Nine coefficients per channel that give no negative value in any direction, nearest to the given ones.
+///
+/// A channel whose mean is not positive becomes black: nothing else is near a negative constant and nowhere negative.
+pub fn nonnegative(coefficients: &Coefficients) -> Coefficients {
+    let mut fitted = [[0.0; 3]; 9];
+    for channel in 0..3 {
+        let fit = nonnegative_channel(std::array::from_fn(|i| coefficients[i][channel]));
+        for (all, one) in fitted.iter_mut().zip(fit) {
+            all[channel] = one;
+        }
+    }
+    fitted
+}
+
+fn dot(a: &[f64; 9], b: &[f64; 9]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn nonnegative_channel(start: [f64; 9]) -> [f64; 9] {
+    if start[0] <= 0.0 {
+        return [0.0; 9];
+    }
+    let mut constraints: Vec<[f64; 9]> = vec![];
+    let mut multipliers: Vec<f64> = vec![];
+    let mut c = start;
+    // The constant's basis function times its coefficient: the mean.
+    let mean = start[0] * basis(DVec3::Y)[0];
+    while constraints.len() < MOST_CONSTRAINTS {
+        let (direction, value) = lowest(&c);
+        if value >= -LOWEST * mean {
+            break;
+        }
+        constraints.push(basis(direction));
+        multipliers.push(0.0);
+        solve(&start, &constraints, &mut multipliers, &mut c, 1e-3 * LOWEST * mean);
+    }
+    // What is left of a dip is rounding, or at most the last constraint's.
+    let (_, value) = lowest(&c);
+    c[0] += (-value).max(0.0) / basis(DVec3::Y)[0] * (1.0 + 1e-12);
+    c
+}
+
+/// Coordinate ascent on the multipliers: each in turn is set to what makes its own constraint hold, or to 0.
+fn solve(start: &[f64; 9], constraints: &[[f64; 9]], multipliers: &mut [f64], c: &mut [f64; 9], enough: f64) {
+    *c = *start;
+    for (y, lambda) in constraints.iter().zip(multipliers.iter()) {
+        (0..9).for_each(|i| c[i] += lambda * y[i]);
+    }
+    for _ in 0..SWEEPS {
+        let mut largest = 0.0_f64;
+        for (y, lambda) in constraints.iter().zip(multipliers.iter_mut()) {
+            let value = dot(y, c);
+            let change = (-value / dot(y, y)).max(-*lambda); // a multiplier never pulls down
+            *lambda += change;
+            (0..9).for_each(|i| c[i] += change * y[i]);
+            largest = largest.max(change.abs() * dot(y, y));
+        }
+        if largest <= enough {
+            break;
+        }
+    }
+}
+
+/// The direction of the smallest value, and that value: from the lowest start downhill to rounding.
+fn lowest(c: &[f64; 9]) -> (DVec3, f64) {
+    let values = STARTS.iter().map(|(d, y)| (*d, dot(y, c)));
+    let Some((mut at, mut value)) = values.min_by(|a, b| a.1.total_cmp(&b.1)) else { unreachable!("there are starts") };
+    let (mut step, size) = (0.05, c.iter().fold(0.0_f64, |m, v| m.max(v.abs())));
+    // Pattern search on the sphere: quadratic in the step near the minimum, so 1e-8 of step is rounding of the value.
+    while step > 1e-8 && size > 0.0 {
+        let (s, t) = at.any_orthonormal_pair();
+        let tries = [s, -s, t, -t].map(|move_by| (at + step * move_by).normalize());
+        let best = tries.into_iter().map(|d| (d, dot(&basis(d), c))).min_by(|a, b| a.1.total_cmp(&b.1));
+        match best {
+            Some((d, v)) if v < value => (at, value) = (d, v),
+            _ => step *= 0.5,
+        }
+    }
+    (at, value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::builtin::builtin;
+    use super::super::spherical_harmonics::{evaluate, project};
+    use super::super::test_maps::random;
+    use super::*;
+
+    fn smallest(c: &Coefficients) -> f64 {
+        STARTS.iter().flat_map(|(d, _)| evaluate(c, *d)).fold(f64::INFINITY, f64::min)
+    }
+
+    fn distance(a: &Coefficients, b: &Coefficients) -> f64 {
+        a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn a_sun_is_negative_nowhere_after_the_fit() {
+        let exact = project(&builtin("sun", 256).unwrap()).irradiance_over_pi;
+        assert!(smallest(&exact) < 0.0, "a sun rings");
+        let fit = nonnegative(&exact);
+        assert!(smallest(&fit) >= 0.0, "{}", smallest(&fit));
+    }
+
+    #[test]
+    fn what_is_negative_nowhere_stays_as_it_is() {
+        for name in ["white", "gradient"] {
+            let exact = project(&builtin(name, 64).unwrap()).irradiance_over_pi;
+            assert_eq!(nonnegative(&exact), exact, "{name}");
+        }
+    }
+
+    #[test]
+    fn no_mixture_with_something_bright_is_nearer() {
+        // Along the way from the projection to any function that is negative nowhere, the first that is so cannot be nearer.
+        let exact = project(&random(32, 3, Some((9, 4)))).irradiance_over_pi;
+        let fit = nonnegative(&exact);
+        let bright = project(&builtin("white", 32).unwrap()).irradiance_over_pi;
+        for scale in [0.1, 1.0, 10.0, 1e3, 1e5] {
+            for t in (1..100).map(|i| f64::from(i) / 100.0) {
+                let mixed: Coefficients = std::array::from_fn(|i| {
+                    std::array::from_fn(|c| (1.0 - t) * exact[i][c] + t * scale * bright[i][c])
+                });
+                if smallest(&mixed) >= 0.0 {
+                    assert!(distance(&mixed, &exact) >= distance(&fit, &exact) * (1.0 - 1e-6), "scale {scale}, {t}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_fit_meets_the_optimality_conditions_of_a_point_light() {
+        // By symmetry about the light the problem is one of three zonal coefficients and a known closed form is not at hand: what
+        // must hold is that the correction is a sum of basis functions, with positive weights, at places where the fit is 0.
+        let d = DVec3::new(0.3, 0.8, -0.5).normalize();
+        let y = basis(d);
+        let band = [0, 1, 1, 1, 2, 2, 2, 2, 2].map(|l: usize| [1.0, 2.0 / 3.0, 0.25][l]);
+        let exact: Coefficients = std::array::from_fn(|i| [band[i] * y[i]; 3]);
+        let fit = nonnegative(&exact);
+        let correction: [f64; 9] = std::array::from_fn(|i| fit[i][0] - exact[i][0]);
+        let c: [f64; 9] = std::array::from_fn(|i| fit[i][0]);
+        // ⟨correction, c⟩ = Σ λ_k Y(d_k)·c = 0, and ⟨correction, g⟩ ≥ 0 for any g that is negative nowhere.
+        assert!(dot(&correction, &c).abs() < 1e-7 * dot(&c, &c), "{}", dot(&correction, &c));
+        for (probe, _) in STARTS.iter().step_by(17) {
+            // (1 + Y-lobe) squared of order 1 is non-negative and of order 2: take (1 + p·d)² through its values.
+            let g = |at: DVec3| (1.0 + probe.dot(at)).powi(2);
+            let weights: f64 =
+                STARTS.iter().map(|(at, y)| g(*at) * dot(y, &correction)).sum::<f64>() / STARTS.len() as f64;
+            assert!(weights > -1e-3 * dot(&correction, &correction).sqrt(), "{weights}");
+        }
+    }
+
+    #[test]
+    fn a_channel_without_light_is_black() {
+        let mut exact = project(&builtin("sun", 64).unwrap()).irradiance_over_pi;
+        exact.iter_mut().for_each(|c| c[1] = 0.0);
+        let fit = nonnegative(&exact);
+        assert!(fit.iter().all(|c| c[1] == 0.0) && fit[0][0] > 0.0);
+    }
+}
