@@ -6,6 +6,7 @@ use kiln::integrate::{Integration, Integrator, Settings};
 use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::named::TABLES;
+use kiln::table::quantity;
 use kiln::table::{Parameter, TableSpec};
 
 /// 5 standard errors estimated from 32 replicates: one false alarm in 50,000 comparisons, of which there are below 10,000; the
@@ -121,6 +122,16 @@ fn a_coarse_tolerance_still_rounds_right() {
     recipe.format = FormatSpec::Ktx2(TexelFormat::new(2, Number::F16).expect("a format"));
     let fine = TableRecipe { integration: Settings::default(), ..recipe.clone() };
     assert_eq!(values(&recipe, &bake(&recipe)), values(&fine, &bake(&fine)));
+}
+
+#[test]
+fn every_quantity_has_a_named_table() {
+    let tables: Vec<TableSpec> =
+        TABLES.iter().map(|t| small(t.name, 4, Settings::default()).spec().expect("a table")).collect();
+    for handle in quantity::all() {
+        let there = tables.iter().any(|table| table.channels.contains(&handle));
+        assert!(there || handle.quantity.parameters.is_empty(), "{} is in no table", handle.quantity.name);
+    }
 }
 
 #[test]

@@ -194,6 +194,9 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
             recipe.input, report.negative, report.min
         ));
     }
+    if recipe.adjust.extract_sun && adjusted.sun.is_none() {
+        console.warn(&format!("{}: no sun stands out, and none was taken out", recipe.input));
+    }
     if adjusted.clamped > 0 {
         let taken = adjusted.energy_clamped.map(|part| format!("{:.2} %", 100.0 * part)).join(", ");
         console.warn(&format!(

@@ -88,8 +88,9 @@ impl Adjustment {
 
     /// The panorama as adjusted.
     ///
-    /// **Errors**: [`Adjustment::check`]; an illuminance where no light comes from above; a sun where there is none; values that
-    /// leave what f32 holds.
+    /// Where no sun stands out, none is taken out: [`Adjusted::sun`] says so.
+    ///
+    /// **Errors**: [`Adjustment::check`]; an illuminance where no light comes from above; values that leave what f32 holds.
     pub fn apply(&self, panorama: Panorama) -> Result<(Panorama, Adjusted)> {
         self.check()?;
         let mut panorama = if self.rotate == 0.0 { panorama } else { rotated(&panorama, self.rotate) };
@@ -112,13 +113,9 @@ impl Adjustment {
             adjusted.factor *= lux / now;
         }
         panorama = scaled(panorama, adjusted.factor)?;
-        if self.extract_sun {
-            let (sun, rest) = sun::extract(&panorama).ok_or_else(|| {
-                Error::unsupported(
-                    "no sun: nothing small stands out from what is around it",
-                    "leave --extract-sun out; `kiln info` says what it finds",
-                )
-            })?;
+        if self.extract_sun
+            && let Some((sun, rest)) = sun::extract(&panorama)
+        {
             (panorama, adjusted.sun) = (rest, Some(sun));
         }
         Ok((panorama, adjusted))
@@ -265,6 +262,13 @@ mod tests {
     }
 
     #[test]
+    fn where_no_sun_stands_out_none_is_taken() {
+        let white = builtin("white", 16).unwrap();
+        let (left, adjusted) = apply(Adjustment { extract_sun: true, ..Default::default() }, &white);
+        assert_eq!((left, adjusted.sun), (white, None));
+    }
+
+    #[test]
     fn nonsense_is_refused_with_a_way_out() {
         let white = builtin("white", 16).unwrap();
         let black = Panorama::new(16, 8, vec![[0.0; 3]; 128]).unwrap();
@@ -276,7 +280,6 @@ mod tests {
             (Adjustment { clamp: Some(-1.0), ..d }, &white, "clamp -1"),
             (Adjustment { unit: Unit::Efficacy(0.0), ..d }, &white, "efficacy 0"),
             (Adjustment { illuminance: Some(100.0), ..d }, &black, "no factor"),
-            (Adjustment { extract_sun: true, ..d }, &white, "no sun"),
         ] {
             let error = adjustment.apply(panorama.clone()).expect_err(says).to_string();
             assert!(error.contains(says) && error.contains("; "), "{error}");
