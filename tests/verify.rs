@@ -4,7 +4,7 @@ mod support;
 
 use kiln::bake;
 use kiln::certificate::{Certificate, KEY, digest};
-use kiln::environment::{self, Negatives, NonFinite};
+use kiln::environment::{self, Reading};
 use kiln::format::{FormatSpec, Image, exr, ktx2};
 use kiln::pack::Number;
 use kiln::recipe::{EnvironmentRecipe, TableRecipe};
@@ -144,7 +144,7 @@ fn bake_environment(folder: &Path, input: &str) -> Certificate {
     (recipe.size, recipe.min_size, recipe.irradiance_size) = (32, 8, 8);
     recipe.format = "ktx2:rgba32f".parse().expect("a format");
     recipe.integration.samples = Some(1024);
-    let (panorama, report) = environment::load(input, NonFinite::Error, Negatives::Keep).expect("built in");
+    let (panorama, report) = environment::load(input, &Reading::default()).expect("built in");
     let baked = bake::environment(&recipe, &panorama, report, &|_| {}).expect("bakes");
     baked.write(folder).expect("writes");
     baked.certificate

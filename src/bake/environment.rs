@@ -73,7 +73,7 @@ pub fn environment(
     let judged = EnvironmentValues { levels: &values, ulp: ulp(format.number), largest: largest(format.number) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics, &irradiance.0);
-    let mut checks = judged.facts(report.min < 0.0);
+    let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
     checks.extend(judged.against(panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
     let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit };
@@ -93,7 +93,7 @@ pub fn environment(
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
-        let texture = ktx2::Texture { format, width: size, height: size, depth: 0, faces: 6, levels, metadata };
+        let texture = ktx2::Texture { format, width: size, height: size, depth: 0, faces: 6, levels, metadata, primaries: panorama.primaries() };
         ktx2::encode(&texture)
     };
     let mut levels = bytes_of_levels;
@@ -218,5 +218,13 @@ fn input(panorama: &Panorama, report: InputReport) -> Input {
         peak: panorama.peak().2,
         nonfinite: report.nonfinite,
         negative: report.negative,
+        layout: report.layout,
+        size: report.size,
+        stated_primaries: report.stated,
+        primaries: report.primaries,
+        primaries_name: report.primaries.to_string(),
+        out_of_gamut: report.out_of_gamut,
+        flux_found: report.flux_found,
+        flux: report.flux,
     }
 }

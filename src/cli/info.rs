@@ -3,7 +3,7 @@
 use super::console::{Console, columns, printable};
 use clap::Args;
 use kiln::certificate::{self, Certificate};
-use kiln::environment::{Negatives, NonFinite, Panorama, luminance};
+use kiln::environment::{Negatives, NonFinite, Panorama};
 use kiln::format::{FileKind, Image, decode_image, exr, ktx2};
 use kiln::{Error, Result};
 use serde::Serialize;
@@ -17,6 +17,9 @@ pub struct Info {
     files: Vec<PathBuf>,
 }
 
+/// The primaries that go without saying.
+const REC709: &str = "Rec. 709";
+
 /// What is known of a file.
 #[derive(Serialize)]
 struct Facts {
@@ -28,6 +31,8 @@ struct Facts {
     faces: usize,
     levels: usize,
     channels: Vec<Range>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    primaries: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaFacts>,
     metadata: Vec<(String, String)>,
@@ -93,8 +98,12 @@ fn of_image(path: &Path, kind: &str, image: Image) -> Facts {
         faces: 1,
         levels: 1,
         channels,
-        // Only what can be a panorama has these facts; a table has not.
-        panorama: Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).ok().map(|(p, _)| of_panorama(&p)),
+        primaries: image.primaries.map(|p| p.to_string()),
+        // Only what looks like a panorama has these facts; a table has not.
+        panorama: (image.width == 2 * image.height)
+            .then(|| Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).ok())
+            .flatten()
+            .map(|(p, _)| of_panorama(&p)),
         metadata: image.metadata,
         certificate: None,
     }
@@ -105,11 +114,11 @@ fn of_panorama(panorama: &Panorama) -> PanoramaFacts {
     let darkest = panorama
         .texels()
         .iter()
-        .map(|t| luminance(t.map(f64::from)))
+        .map(|t| panorama.luminance(t.map(f64::from)))
         .filter(|&l| l > 0.0)
         .fold(f64::INFINITY, f64::min);
     PanoramaFacts {
-        mean_luminance: luminance(panorama.mean()),
+        mean_luminance: panorama.luminance(panorama.mean()),
         peak_luminance: peak,
         dynamic_range_ev: (peak / darkest).log2(),
         peak_direction: panorama.texel_box(column, row).middle().to_array(),
@@ -129,6 +138,7 @@ fn of_texture(path: &Path, texture: ktx2::Texture) -> Facts {
         faces: texture.faces,
         levels: texture.levels.len(),
         channels: ranges(&names, &values, n),
+        primaries: Some(texture.primaries.to_string()),
         panorama: None,
         metadata: texture.metadata,
         certificate: None,
@@ -173,6 +183,9 @@ fn text(facts: &Facts) -> String {
         })
         .collect();
     text += &columns(&["channel", "min", "max", "mean", "not finite", "negative"], &cells);
+    if let Some(primaries) = facts.primaries.as_deref().filter(|&name| name != REC709) {
+        text += &format!("primaries: {primaries}\n");
+    }
     if let Some(p) = &facts.panorama {
         let [x, y, z] = p.peak_direction;
         text += &format!(

@@ -1,5 +1,8 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
+//! An input ([`load`]: a file, six files, a built-in environment) is read as a panorama or as a cube ([`layout`]), repaired and brought to
+//! one set of primaries ([`repair`]), a cube turned into a panorama ([`mod@from_cube`]).
+//!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]). From it come the area
 //! average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels ([`chain`]) by one of two witnesses ([`monte_carlo`],
 //! [`full_sum`]), the Lambert irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
@@ -9,12 +12,18 @@ pub mod area_average;
 pub mod builtin;
 pub mod chain;
 pub mod cube;
+mod face_files;
+pub mod from_cube;
 pub mod full_sum;
 pub mod irradiance;
 pub mod kernel;
+pub mod layout;
 pub mod monte_carlo;
+mod overlap;
 pub mod panorama;
 mod peel;
+mod raw;
+pub mod repair;
 mod sampler;
 pub mod sky;
 mod source;
@@ -27,10 +36,13 @@ pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
 pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, specular_chain};
 pub use cube::Cube;
+pub use from_cube::from_cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
 pub use kernel::Kernel;
+pub use layout::{InputLayout, Layout};
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
-pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
-pub use source::{BUILTIN_PREFIX, load};
+pub use panorama::{Panorama, luminance};
+pub use repair::{InputReport, Negatives, NonFinite};
+pub use source::{BUILTIN_PREFIX, Reading, load};
 pub use spherical_harmonics::SphericalHarmonics;

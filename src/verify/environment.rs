@@ -30,7 +30,7 @@ pub(super) fn verify(
             };
             let judged =
                 EnvironmentValues { levels: &levels, ulp: ulp(format.number), largest: largest(format.number) };
-            report.checks.extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative > 0)));
+            report.checks.extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
             if let Some(panorama) = &panorama {
                 // Other texels than those that the bake looked at.
                 let seed = recipe.integration.seed.wrapping_add(0x5EED);
@@ -63,7 +63,7 @@ pub(super) fn verify(
 /// The panorama that was filtered, if it can still be had; else what cannot be checked.
 fn source(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Option<Panorama>, Vec<String>) {
     let skip = |why: String| (None, vec![format!("comparison with the input: {why}")]);
-    match environment::load(&recipe.input, recipe.nonfinite, recipe.negatives) {
+    match environment::load(&recipe.input, &recipe.reading()) {
         Err(error) => skip(error.to_string()),
         Ok((panorama, _)) => {
             let digest = texel_digest([panorama.texels().as_flattened()]);
