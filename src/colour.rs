@@ -109,7 +109,8 @@ impl Primaries {
 
     /// XYZ of red, green and blue, each with X + Y + Z = 1 (so that imaginary ones with y = 0 have them too).
     fn columns(&self) -> DMat3 {
-        let [red, green, blue] = [0, 1, 2].map(|i| DVec3::new(self.xy[i][0], self.xy[i][1], 1.0 - self.xy[i][0] - self.xy[i][1]));
+        let [red, green, blue] =
+            [0, 1, 2].map(|i| DVec3::new(self.xy[i][0], self.xy[i][1], 1.0 - self.xy[i][0] - self.xy[i][1]));
         DMat3::from_cols(red, green, blue)
     }
 
@@ -191,7 +192,12 @@ mod tests {
         let got = rows(got);
         for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
             let off = (got[r][c] - published[r][c]).abs();
-            assert!(off < 0.6 * 10_f64.powi(-digits), "{what} [{r}][{c}]: {}, published {}", got[r][c], published[r][c]);
+            assert!(
+                off < 0.6 * 10_f64.powi(-digits),
+                "{what} [{r}][{c}]: {}, published {}",
+                got[r][c],
+                published[r][c]
+            );
         }
     }
 

@@ -93,7 +93,16 @@ pub fn environment(
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
-        let texture = ktx2::Texture { format, width: size, height: size, depth: 0, faces: 6, levels, metadata, primaries: panorama.primaries() };
+        let texture = ktx2::Texture {
+            format,
+            width: size,
+            height: size,
+            depth: 0,
+            faces: 6,
+            levels,
+            metadata,
+            primaries: panorama.primaries(),
+        };
         ktx2::encode(&texture)
     };
     let mut levels = bytes_of_levels;

@@ -189,6 +189,9 @@ fn warn_of_input(recipe: &EnvironmentRecipe, report: &InputReport, console: &Con
     if change.abs() > 1e-7 {
         let [before, after] = [report.flux_found[channel], report.flux[channel]];
         let name = ["red", "green", "blue"][channel];
-        warn(format!("that changed the flux by up to {:+.2e} of it ({name}: {before:.6} before, {after:.6} after)", change));
+        warn(format!(
+            "that changed the flux by up to {:+.2e} of it ({name}: {before:.6} before, {after:.6} after)",
+            change
+        ));
     }
 }

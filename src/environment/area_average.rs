@@ -122,15 +122,20 @@ impl Wedges {
 #[cfg(test)]
 mod tests {
     use super::super::cube::face_point;
-    use super::super::test_maps::random;
+    use super::super::test_maps::{random, random_sized};
     use super::*;
     use crate::math::sobol::PointSet;
 
     #[test]
     fn white_is_exactly_one() {
-        for (width, size) in [(4, 1), (64, 7), (16, 64), (10, 3)] {
-            let white = Panorama::new(width, width / 2, vec![[1.0; 3]; width * width / 2]).unwrap();
-            assert!(area_average(&white, size).texels.iter().flatten().all(|&v| v == 1.0), "{width} → {size}");
+        for ([width, height], size) in
+            [([4, 2], 1), ([64, 32], 7), ([16, 8], 64), ([10, 5], 3), ([5, 3], 4), ([33, 20], 9)]
+        {
+            let white = Panorama::new(width, height, vec![[1.0; 3]; width * height]).unwrap();
+            assert!(
+                area_average(&white, size).texels.iter().flatten().all(|&v| v == 1.0),
+                "{width} × {height} → {size}"
+            );
         }
     }
 
@@ -154,11 +159,14 @@ mod tests {
 
     #[test]
     fn every_pair_of_sizes_keeps_the_flux() {
-        for width in [4, 6, 10, 34, 128] {
-            let panorama = random(width, 3, Some((width / 3, width / 5)));
+        let usual = [4, 6, 10, 34, 128].map(|width| [width, width / 2]);
+        // Not 2:1, odd, one row at the equator, far wider or higher than usual.
+        let others = [[5, 3], [7, 2], [4, 3], [4, 31], [100, 60], [333, 200], [51, 5]];
+        for [width, height] in usual.into_iter().chain(others) {
+            let panorama = random_sized([width, height], 3, Some((width / 3, 2 * height / 5)));
             for size in 1..=24 {
                 let (got, wanted) = (area_average(&panorama, size).mean()[0], panorama.mean()[0]);
-                assert!((got / wanted - 1.0).abs() < 6e-8, "{width} → {size}: {got}, wanted {wanted}");
+                assert!((got / wanted - 1.0).abs() < 6e-8, "{width} × {height} → {size}: {got}, wanted {wanted}");
             }
         }
     }
@@ -168,8 +176,9 @@ mod tests {
     fn texels_agree_with_brute_force() {
         let n = 256;
         let points = PointSet::<2>::new(2, 0, n * n);
-        for (width, size) in [(16, 3), (20, 5), (32, 4), (8, 1)] {
-            let panorama = random(width, 8, Some((3, 1)));
+        let cases = [([16, 8], 3), ([20, 10], 5), ([32, 16], 4), ([8, 4], 1), ([5, 3], 2), ([9, 14], 3), ([33, 20], 2)];
+        for ([width, height], size) in cases {
+            let panorama = random_sized([width, height], 8, Some((3, 1)));
             let cube = area_average(&panorama, size);
             for index in 0..6 * size * size {
                 let (face, row, column) = (index / (size * size), index / size % size, index % size);
@@ -189,7 +198,7 @@ mod tests {
                 let tolerance = 5.0 * largest / 2.0 * (16.0 * n as f64).sqrt() / (n * n) as f64;
                 assert!(
                     (got - wanted).abs() < tolerance,
-                    "{width} → {size}, {index}: {got}, wanted {wanted} ± {tolerance}"
+                    "{width} × {height} → {size}, {index}: {got}, wanted {wanted} ± {tolerance}"
                 );
             }
         }

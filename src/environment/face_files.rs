@@ -87,7 +87,9 @@ pub(super) fn in_folder(folder: &Path) -> Result<[PathBuf; 6]> {
     }
     let whole = |set: &Vec<Named>| set.len() >= 6;
     if sets.iter().filter(|set| whole(set)).count() > 1 {
-        return Err(Error::invalid("a folder with the faces of several cubes", "name one of the files instead").in_file(folder));
+        return Err(
+            Error::invalid("a folder with the faces of several cubes", "name one of the files instead").in_file(folder)
+        );
     }
     let best = sets.into_iter().max_by_key(Vec::len);
     let set = best.ok_or_else(|| Error::invalid("a folder without the faces of a cube", WAY_OUT).in_file(folder))?;
@@ -102,13 +104,24 @@ pub(super) fn of_pattern(pattern: &str) -> Result<[PathBuf; 6]> {
     let paths = |scheme: &[&str; 6]| scheme.map(|face| PathBuf::from(pattern.replace(PLACEHOLDER, face)));
     let count = |scheme: &[&str; 6]| paths(scheme).iter().filter(|path| path.exists()).count();
     let [first, second, third] = SCHEMES.each_ref().map(count);
-    let best = if first >= second.max(third) { 0 } else if second >= third { 1 } else { 2 };
+    let best = if first >= second.max(third) {
+        0
+    } else if second >= third {
+        1
+    } else {
+        2
+    };
     let found = paths(&SCHEMES[best]);
-    let missing: Vec<String> = found.iter().filter(|path| !path.exists()).map(|path| path.display().to_string()).collect();
+    let missing: Vec<String> =
+        found.iter().filter(|path| !path.exists()).map(|path| path.display().to_string()).collect();
     if missing.is_empty() {
         return Ok(found);
     }
-    let what = if missing.len() == 6 { "none of the six faces is there".to_owned() } else { format!("no {}", missing.join(", ")) };
+    let what = if missing.len() == 6 {
+        "none of the six faces is there".to_owned()
+    } else {
+        format!("no {}", missing.join(", "))
+    };
     Err(Error::invalid(what, WAY_OUT).in_file(Path::new(pattern)))
 }
 

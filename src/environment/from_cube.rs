@@ -41,7 +41,10 @@ pub fn from_cube(cube: &Cube) -> Result<Panorama> {
     }
     let width = panorama_width(size);
     let height = (width / 2).max(MIN_HEIGHT);
-    memory::check_room(width as u128 * height as u128 * 40, &format!("a cube of {size}² as a panorama {width} × {height}"))?;
+    memory::check_room(
+        width as u128 * height as u128 * 40,
+        &format!("a cube of {size}² as a panorama {width} × {height}"),
+    )?;
 
     let edges = row_edges(height);
     let mean = cube.mean();

@@ -75,7 +75,9 @@ impl fmt::Display for Layout {
 ///
 /// **Errors**: a cross or a strip that is asked for and cannot be one.
 pub fn layout_of(width: usize, height: usize, asked: InputLayout) -> Result<Layout> {
-    let is = |layout: Layout| cells(layout).is_some_and(|(columns, rows, _)| face_size(width, height, columns, rows).is_some());
+    let is = |layout: Layout| {
+        cells(layout).is_some_and(|(columns, rows, _)| face_size(width, height, columns, rows).is_some())
+    };
     let crosses = [Layout::HorizontalCross, Layout::VerticalCross];
     let strips = [Layout::HorizontalStrip, Layout::VerticalStrip];
     let among = |layouts: &[Layout]| layouts.iter().copied().find(|&layout| is(layout));

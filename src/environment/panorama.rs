@@ -63,7 +63,15 @@ impl Panorama {
         }
         let values = texels.iter().flatten().copied();
         refuse_nonfinite(values.clone().filter(|v| !v.is_finite()).count(), values, width)?;
-        let mut panorama = Self { width, height, texels, row_edges: row_edges(height), mean: [0.0; 3], primaries: Primaries::REC709, luminance_weights: REC709_LUMINANCE };
+        let mut panorama = Self {
+            width,
+            height,
+            texels,
+            row_edges: row_edges(height),
+            mean: [0.0; 3],
+            primaries: Primaries::REC709,
+            luminance_weights: REC709_LUMINANCE,
+        };
         panorama.mean = panorama.compute_mean();
         Ok(panorama)
     }

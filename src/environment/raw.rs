@@ -74,7 +74,10 @@ impl Raw {
             return Self::of_image(&picture(0), asked);
         }
         if !matches!(asked, InputLayout::Auto | InputLayout::Cube) {
-            return Err(Error::usage("a cube texture, where the layout says another", "use --input-layout auto or cube"));
+            return Err(Error::usage(
+                "a cube texture, where the layout says another",
+                "use --input-layout auto or cube",
+            ));
         }
         let mut faces = (0..6).map(|face| Self::of_face(&picture(face))).collect::<Result<Vec<_>>>()?;
         let texels = faces.iter_mut().flat_map(|face| std::mem::take(&mut face.texels)).collect();

@@ -62,7 +62,9 @@ impl InputReport {
             let [before, after] = [self.flux_found[c], self.flux[c]];
             if before == after { 0.0 } else { (after - before) / before.abs() }
         };
-        (0..3).map(|c| (change(c), c)).fold((0.0, 0), |most, next| if next.0.abs() > most.0.abs() { next } else { most })
+        (0..3)
+            .map(|c| (change(c), c))
+            .fold((0.0, 0), |most, next| if next.0.abs() > most.0.abs() { next } else { most })
     }
 }
 
@@ -122,7 +124,17 @@ pub(super) fn repair(
     }
     let flux = flux(texels, &solid_angle);
     let min = if min.is_finite() { min } else { 0.0 };
-    Ok(InputReport { nonfinite, negative, min, out_of_gamut, flux_found, flux, stated, primaries, ..InputReport::default() })
+    Ok(InputReport {
+        nonfinite,
+        negative,
+        min,
+        out_of_gamut,
+        flux_found,
+        flux,
+        stated,
+        primaries,
+        ..InputReport::default()
+    })
 }
 
 fn clamp(texels: &mut [[f32; 3]], negatives: Negatives) {
@@ -144,7 +156,10 @@ fn refusal(count: u64, texels: &[[f32; 3]], place: impl Fn(usize) -> String) -> 
     let first = texels.iter().flatten().position(|v| !v.is_finite()).unwrap_or(0);
     let channel = ["red", "green", "blue"][first % 3];
     Error::invalid(
-        format!("input holds {count} values that are NaN or infinite, the first in the {channel} of {}", place(first / 3)),
+        format!(
+            "input holds {count} values that are NaN or infinite, the first in the {channel} of {}",
+            place(first / 3)
+        ),
         "repair the file, or use --nonfinite zero",
     )
 }

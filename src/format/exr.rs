@@ -112,8 +112,7 @@ fn header<T>(image: &Image<T>, number: Number, order: &[usize]) -> Header {
     );
     header.own_attributes.layer_name = None; // a single part needs none
     header.shared_attributes.chromaticities = image.primaries.map(|primaries| {
-        let [red, green, blue, white] =
-            primaries.chromaticities().map(|[x, y]| ::exr::math::Vec2(x as f32, y as f32));
+        let [red, green, blue, white] = primaries.chromaticities().map(|[x, y]| ::exr::math::Vec2(x as f32, y as f32));
         Chromaticities { red, green, blue, white }
     });
     header

@@ -65,7 +65,16 @@ impl Texture {
         values: &[T],
     ) -> Result<(Self, PackReport)> {
         let (level, report) = format.number.pack(values);
-        let texture = Self { format, width, height, depth: 0, faces: 1, levels: vec![level], metadata: Vec::new(), primaries: Primaries::REC709 };
+        let texture = Self {
+            format,
+            width,
+            height,
+            depth: 0,
+            faces: 1,
+            levels: vec![level],
+            metadata: Vec::new(),
+            primaries: Primaries::REC709,
+        };
         texture.check()?;
         Ok((texture, report))
     }
@@ -81,7 +90,16 @@ impl Texture {
         values: &[T],
     ) -> Result<(Self, PackReport)> {
         let (level, report) = format.number.pack(values);
-        let texture = Self { format, width, height, depth, faces: 1, levels: vec![level], metadata: Vec::new(), primaries: Primaries::REC709 };
+        let texture = Self {
+            format,
+            width,
+            height,
+            depth,
+            faces: 1,
+            levels: vec![level],
+            metadata: Vec::new(),
+            primaries: Primaries::REC709,
+        };
         texture.check()?;
         Ok((texture, report))
     }
@@ -296,8 +314,16 @@ mod tests {
         let values: Vec<f32> = (0..24).map(|i| i as f32).collect();
         let (level0, _) = Number::F32.pack(&values);
         let (level1, _) = Number::F32.pack(&values[..6]);
-        let texture =
-            Texture { format, width: 2, height: 2, depth: 0, faces: 6, levels: vec![level0, level1], metadata: vec![], primaries: Primaries::REC709 };
+        let texture = Texture {
+            format,
+            width: 2,
+            height: 2,
+            depth: 0,
+            faces: 6,
+            levels: vec![level0, level1],
+            metadata: vec![],
+            primaries: Primaries::REC709,
+        };
         assert_eq!(texture.face(0, 5).unwrap(), [20.0, 21.0, 22.0, 23.0]);
         assert_eq!(texture.face(1, 2).unwrap(), [2.0]);
         assert_eq!((texture.face(1, 6), texture.face(2, 0)), (None, None));
@@ -319,7 +345,16 @@ mod tests {
     fn levels_are_aligned_and_the_smallest_comes_first() {
         for format in TexelFormat::ALL {
             let levels = [(5, 3), (2, 1), (1, 1)].map(|(w, h)| vec![0; w * h * format.bytes()]).to_vec();
-            let texture = Texture { format, width: 5, height: 3, depth: 0, faces: 1, levels, metadata: vec![], primaries: Primaries::REC709 };
+            let texture = Texture {
+                format,
+                width: 5,
+                height: 3,
+                depth: 0,
+                faces: 1,
+                levels,
+                metadata: vec![],
+                primaries: Primaries::REC709,
+            };
             let file = encode(&texture).unwrap();
             let reader = ::ktx2::Reader::new(&file).unwrap();
             let offsets: Vec<usize> =

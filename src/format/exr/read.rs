@@ -2,8 +2,8 @@
 
 use super::contain::contained;
 use super::to_native;
-use crate::error::{Error, Result};
 use crate::colour::Primaries;
+use crate::error::{Error, Result};
 use crate::format::{Image, memory};
 use crate::pack::Number;
 use ::exr::block::UncompressedBlock;
