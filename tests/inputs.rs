@@ -58,10 +58,10 @@ fn marked_cube(size: usize) -> Cube {
 
 /// What the panorama shows of [`marked_cube`] in directions that are known by heart, not by the code under test.
 fn assert_shows_marked_cube(what: &str, panorama: &Panorama, size: usize) {
-    for face in 0..6 {
+    for (face, colour) in COLOURS.into_iter().enumerate() {
         for (u, v) in [(0.0, 0.0), (0.6, 0.6), (-0.6, 0.6), (0.6, -0.6)] {
             let got = panorama.radiance(face_point(face, u, v));
-            assert_eq!(got, COLOURS[face], "{what}: face {face} at ({u}, {v})");
+            assert_eq!(got, colour, "{what}: face {face} at ({u}, {v})");
         }
         // Texel (2, 1): its centre.
         let centre = |i: f64| (2.0 * i + 1.0) / size as f64 - 1.0;
@@ -264,9 +264,9 @@ fn monte_carlo_agrees_with_the_full_sum_for_any_proportions() {
             let (estimates, _) = witness.estimate(&directions, &kernel, 4096, &|_| {});
             for (axis, estimate) in directions.iter().zip(estimates) {
                 let wanted = truth.evaluate(*axis, &kernel);
-                for c in 0..3 {
-                    let tolerance = 6.5 * estimate.standard_error[c] + 1e-6 * wanted[c];
-                    let off = (estimate.value[c] - wanted[c]).abs();
+                for (c, wanted) in wanted.into_iter().enumerate() {
+                    let tolerance = 6.5 * estimate.standard_error[c] + 1e-6 * wanted;
+                    let off = (estimate.value[c] - wanted).abs();
                     assert!(off <= tolerance, "{size:?}, alpha {alpha}, {axis}: off by {off}, allowed {tolerance}");
                 }
             }
@@ -374,6 +374,32 @@ fn saturated_colours_leave_the_gamut_and_are_counted() {
     assert!(kept.min()[0] < -0.5 && report.flux_found[0] < -6.0);
     let (clamped, report) = with(Negatives::Clamp);
     assert_eq!((clamped.min()[0], report.out_of_gamut, report.flux[0]), (0.0, 64, 0.0));
+}
+
+/// What an EXR may hold: RGB by name among others, in one layer, luminance alone; the rest is refused in one line.
+#[test]
+fn openexr_channels_are_found_by_name_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.exr");
+    let read = |channels: &[&str]| {
+        let texels = (0..32).flat_map(|_| (0..channels.len()).map(|c| c as f32)).collect();
+        let image: Image = Image::new(8, 4, channels, texels).unwrap();
+        std::fs::write(&path, exr::encode(&image, Number::F16).unwrap().0).unwrap();
+        load(path.to_str().unwrap(), &Reading::default()).map(|(panorama, _)| panorama.texels()[9])
+    };
+    // Channels are numbered as given.
+    assert_eq!(read(&["A", "B", "G", "R", "Z", "albedo.R"]).unwrap(), [3.0, 2.0, 1.0]);
+    assert_eq!(read(&["sky.A", "sky.B", "sky.G", "sky.R"]).unwrap(), [3.0, 2.0, 1.0]);
+    assert_eq!(read(&["A", "Y"]).unwrap(), [1.0; 3]);
+    assert_eq!(read(&["depth"]).unwrap(), [0.0; 3]);
+    for (channels, part) in [
+        (&["R", "G"][..], "no colour among the channels"),
+        (&["R", "G", "alpha"], "no colour among the channels"),
+        (&["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"], "colour in 2 layers (a, b)"),
+    ] {
+        let error = read(channels).unwrap_err().to_string();
+        assert!(error.contains("map.exr") && error.contains(part) && error.contains("; save"), "{error}");
+    }
 }
 
 #[test]

@@ -166,11 +166,11 @@ impl<'a> Wedges<'a> {
     fn add(&mut self, part: Part, step: [f64; 3]) {
         let width = self.grid.width();
         let index = part.row * width + part.column;
-        for c in 0..3 {
-            let own = step[c] * part.depth;
+        for (c, step) in step.into_iter().enumerate() {
+            let own = step * part.depth;
             self.steps[index][c] += own;
             if part.row > 0 {
-                self.steps[index - width][c] += step[c] * part.length - own;
+                self.steps[index - width][c] += step * part.length - own;
             }
         }
     }

@@ -99,8 +99,11 @@ pub fn layout_of(width: usize, height: usize, asked: InputLayout) -> Result<Layo
     }
 }
 
-/// Columns and rows of cells, and the cell (column, row) of each face in storage order; nothing for what is no picture of six faces.
-fn cells(layout: Layout) -> Option<(usize, usize, [(usize, usize); 6])> {
+/// Columns and rows of cells, and the cell (column, row) of each face in storage order.
+type Cells = (usize, usize, [(usize, usize); 6]);
+
+/// Where the faces are in a picture; nothing for what is no picture of six faces.
+fn cells(layout: Layout) -> Option<Cells> {
     match layout {
         Layout::HorizontalCross => Some((4, 3, [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (3, 1)])),
         Layout::VerticalCross => Some((3, 4, [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (1, 3)])),
