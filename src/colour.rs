@@ -69,6 +69,13 @@ impl Primaries {
         Ok(primaries)
     }
 
+    /// What a file's header says: nothing where all eight numbers are zero, as programs write that know of none.
+    ///
+    /// **Errors**: as [`Primaries::new`].
+    pub fn stated(xy: [[f64; 2]; 4]) -> Result<Option<Self>> {
+        if xy == [[0.0; 2]; 4] { Ok(None) } else { Self::new(xy).map(Some) }
+    }
+
     /// Chromaticities (x, y) of red, green, blue and white.
     pub fn chromaticities(&self) -> [[f64; 2]; 4] {
         self.xy
@@ -248,6 +255,7 @@ mod tests {
         let mut own = Primaries::REC709.chromaticities();
         own[1] = [0.29, 0.6];
         assert_eq!(Primaries::new(own).unwrap().name(), None);
+        assert_eq!(Primaries::stated([[0.0; 2]; 4]).unwrap(), None);
         let mut broken = vec![[[0.0; 2]; 4], [[0.3, 0.3]; 4], [[f64::NAN; 2]; 4], [[f64::INFINITY; 2]; 4]];
         own[3] = [0.7, 0.2];
         broken.push(own);

@@ -350,6 +350,9 @@ fn stated_primaries_are_converted_kept_and_written_as_asked() {
             assert!(change < 0.05, "adaptation moves the luminance of a blue a little, not by {change}");
         }
     }
+    let zeros = "#?RADIANCE\nPRIMARIES=0 0 0 0 0 0 0 0\n\n-Y 4 +X 8\n";
+    let bytes = [zeros.as_bytes(), &[128, 64, 32, 129].repeat(32)].concat();
+    assert_eq!(kiln::format::hdr::decode(&bytes).unwrap().primaries, None);
     // A Radiance header says the same; primaries without a name stand in a cube's metadata.
     let header =
         "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nPRIMARIES= 0.64 0.33 0.29 0.60 0.15 0.06 0.3127 0.329\n\n-Y 4 +X 8\n";

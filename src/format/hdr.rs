@@ -2,7 +2,7 @@
 //!
 //! - **Values**: mantissa · 2^(e − 136), exactly; exponent 0 is black. Then divided by the header's EXPOSURE and COLORCORR
 //!   (all of them multiplied together), by which the pixels had been multiplied, in f64, and rounded to f32.
-//! - **Colour**: the line `PRIMARIES=` holds x and y of red, green, blue and white; without it, nothing is said.
+//! - **Colour**: the line `PRIMARIES=` holds x and y of red, green, blue and white; without it, or with zeros, nothing is said.
 //! - **Orientation**: all eight, brought to row 0 at the top and columns to the right.
 //! - **Refused**: XYZE colour; sizes that the length of the file cannot hold, before anything is allocated for them.
 //!
@@ -100,7 +100,7 @@ impl Header {
             let (key, value) = (key.trim(), value.trim());
             match key {
                 "FORMAT" => check_format(value)?,
-                "PRIMARIES" => primaries = Some(parse_primaries(value)?),
+                "PRIMARIES" => primaries = parse_primaries(value)?,
                 "EXPOSURE" => multiply(&mut exposure, key, value, [value; 3])?,
                 "COLORCORR" => {
                     let parts: Vec<&str> = value.split_whitespace().collect();
@@ -151,7 +151,7 @@ impl Header {
 }
 
 /// The last of several lines counts: each program that converts colours adds its own.
-fn parse_primaries(value: &str) -> Result<Primaries> {
+fn parse_primaries(value: &str) -> Result<Option<Primaries>> {
     let numbers: Vec<f64> = value.split_whitespace().map_while(|word| word.parse().ok()).collect();
     let &[rx, ry, gx, gy, bx, by, wx, wy] = &numbers[..] else {
         return Err(Error::invalid(
@@ -159,7 +159,7 @@ fn parse_primaries(value: &str) -> Result<Primaries> {
             "correct the line or delete it, which means Rec. 709",
         ));
     };
-    Primaries::new([[rx, ry], [gx, gy], [bx, by], [wx, wy]])
+    Primaries::stated([[rx, ry], [gx, gy], [bx, by], [wx, wy]])
 }
 
 fn check_format(value: &str) -> Result<()> {

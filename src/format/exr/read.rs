@@ -256,7 +256,7 @@ fn value(number: Number, sample: &[u8]) -> f32 {
 fn primaries(header: &Header) -> Result<Option<Primaries>> {
     let xy = |v: ::exr::math::Vec2<f32>| [f64::from(v.x()), f64::from(v.y())];
     let said = header.shared_attributes.chromaticities;
-    said.map(|c| Primaries::new([xy(c.red), xy(c.green), xy(c.blue), xy(c.white)])).transpose()
+    said.map_or(Ok(None), |c| Primaries::stated([xy(c.red), xy(c.green), xy(c.blue), xy(c.white)]))
 }
 
 /// The text attributes, but those that name the part.
