@@ -2,7 +2,7 @@
 //!
 //! In φ and y = d.y area is preserved, so the integral of radiance over a texel is, by Green's theorem, ∮ P(φ, y) dφ
 //! around it, with P(φ, y) = ∫_y^1 L(φ, y′) dy′: each edge of the texel contributes the wedge between itself and the
-//! pole. P is linear in y within a panorama texel; where the edges cross those, [`super::overlap`] knows.
+//! pole. P is linear in y within a panorama texel; where the edges cross those is known in `overlap.rs`.
 //! Meridians have dφ = 0 and contribute nothing. Each edge is integrated once for the two texels that share it, so no
 //! flux is lost or counted twice. The −Y face is the +Y face of the panorama mirrored in y.
 

@@ -29,7 +29,7 @@ pub struct Reading {
 }
 
 /// The panorama that `input` names: `builtin:NAME`; the path of an `.hdr`, an `.exr` or a `.ktx2`; six files as one of them
-/// (`sky_px.hdr`), as a pattern (`sky_%s.hdr`) or as their folder. A cube becomes a panorama as [`super::from_cube`] says.
+/// (`sky_px.hdr`), as a pattern (`sky_%s.hdr`) or as their folder. A cube becomes a panorama as [`mod@super::from_cube`] says.
 ///
 /// **Errors**: a file that cannot be read, is no environment, is not of the layout asked for, or holds values that the policies
 /// refuse; a cube with faces missing or unequal.
