@@ -11,14 +11,16 @@
 //! | `digest` | BLAKE3 of the packed texels |
 //! | `channels` | per quantity: definition, source, integrator, largest error and what it means, range of the values |
 //! | `levels` | of an environment: per level its size, roughness, samples, largest and RMS error, mean |
-//! | `input` | of an environment: what was read, its digest, what was repaired, its mean radiance |
+//! | `input` | of an environment: what was read and as what, its digest, its primaries, what was repaired and the flux before and after, its mean radiance |
 //! | `checks` | what the file was checked against: the figure, the limit, whether it passed |
 //! | `packing` | rounding error, overflowed, negative and non-finite values |
 //! | `rounding` | of a table: how many values are certified to be the nearest half, or an f32 within an ulp, and how many are undecided |
 //! | `lookup` | of a table: the error through bilinear filtering |
 
 use crate::check::Check;
+use crate::colour::Primaries;
 use crate::environment::Adjusted;
+use crate::environment::Layout;
 use crate::environment::spherical_harmonics::IrradianceFit;
 use crate::error::{Error, Result};
 use crate::integrate::ErrorKind;
@@ -182,6 +184,23 @@ pub struct Input {
     pub nonfinite: u64,
     /// Values below zero that were found.
     pub negative: u64,
+    /// What the input was read as.
+    pub layout: Layout,
+    /// Width and height of the panorama that was read, or of a face of the cube.
+    pub size: [usize; 2],
+    /// The primaries that the input states, if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stated_primaries: Option<Primaries>,
+    /// The primaries of what was filtered, and so of the files: x and y of red, green, blue and white.
+    pub primaries: Primaries,
+    /// The name of these, or the numbers again.
+    pub primaries_name: String,
+    /// Values below zero that the conversion to these primaries made.
+    pub out_of_gamut: u64,
+    /// ∫ L dω of each channel as found, in these primaries; NaN and infinities count as zero.
+    pub flux_found: [f64; 3],
+    /// The same of what was filtered: the difference is what `nonfinite` and `negatives` changed.
+    pub flux: [f64; 3],
     /// What the adjustments came to.
     pub adjusted: Adjusted,
 }

@@ -4,7 +4,7 @@
 //!
 //! | floor | modules |
 //! | --- | --- |
-//! | ground | [`math`] (points, rules, frames, warps), [`pack`] (texel formats), [`error`] |
+//! | ground | [`math`] (points, rules, frames, warps), [`colour`] (primaries), [`pack`] (texel formats), [`error`] |
 //! | 1 | [`model`] (lobes and Fresnel), [`material`] (reflectances by name), [`mod@format`] (containers) |
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
@@ -47,6 +47,7 @@
 pub mod bake;
 pub mod certificate;
 pub mod check;
+pub mod colour;
 pub mod environment;
 pub mod error;
 pub mod format;

@@ -3,7 +3,8 @@
 //! A recipe is a TOML file of `[[table]]` and `[[environment]]` entries. What an entry leaves out takes a default, and
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
-use crate::environment::{Adjustment, ChainSpec, Negatives, NonFinite};
+use crate::colour::TargetColour;
+use crate::environment::{Adjustment, ChainSpec, InputLayout, Negatives, NonFinite, Reading};
 use crate::error::{Error, Result};
 use crate::format::FormatSpec;
 use crate::integrate::Settings;
@@ -61,8 +62,14 @@ pub struct TableRecipe {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentRecipe {
-    /// A panorama's file, or `builtin:NAME`.
+    /// A panorama's or a cube's file, six files as one of them, a pattern or a folder, or `builtin:NAME`.
     pub input: String,
+    /// What the input is read as.
+    #[serde(default)]
+    pub input_layout: InputLayout,
+    /// Which primaries the result has.
+    #[serde(default)]
+    pub to: TargetColour,
     /// Folder of the files, within the output folder; empty for that folder itself.
     #[serde(default)]
     pub directory: String,
@@ -258,6 +265,8 @@ impl EnvironmentRecipe {
     pub fn new(input: &str) -> Self {
         Self {
             input: input.to_owned(),
+            input_layout: InputLayout::default(),
+            to: TargetColour::default(),
             directory: String::new(),
             size: default_size(),
             min_size: default_min_size(),
@@ -277,6 +286,11 @@ impl EnvironmentRecipe {
             return roughness.clone();
         }
         ChainSpec::new(self.size, self.min_size).roughness
+    }
+
+    /// How the input is read.
+    pub fn reading(&self) -> Reading {
+        Reading { layout: self.input_layout, nonfinite: self.nonfinite, negatives: self.negatives, to: self.to }
     }
 
     /// Whether the environment can be baked.

@@ -5,7 +5,7 @@ use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load, luminance};
+use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, ktx2};
 use crate::integrate::{ErrorKind, Integrator};
@@ -60,7 +60,7 @@ pub struct SunFile {
 impl SunFile {
     /// The file for a sun of a map with that unit.
     pub fn new(sun: Sun, unit: Unit) -> Self {
-        Self { schema: SUN_SCHEMA.to_owned(), sun, illuminance: unit.nits() * luminance(sun.irradiance) }
+        Self { schema: SUN_SCHEMA.to_owned(), sun, illuminance: unit.nits() * sun.luminance }
     }
 }
 
@@ -102,7 +102,7 @@ pub struct Source {
 /// [`environment::load`]: crate::environment::load
 /// [`Adjustment::apply`]: crate::environment::Adjustment::apply
 pub fn source(recipe: &EnvironmentRecipe) -> Result<Source> {
-    let (panorama, report) = load(&recipe.input, recipe.nonfinite, recipe.negatives)?;
+    let (panorama, report) = load(&recipe.input, &recipe.reading())?;
     let (panorama, adjusted) = recipe.adjust.apply(panorama).map_err(|e| e.in_file(Path::new(&recipe.input)))?;
     Ok(Source { panorama, report, adjusted })
 }
@@ -125,7 +125,7 @@ pub fn is_current(recipe: &EnvironmentRecipe, certificate: &Certificate) -> bool
 /// **Errors**: a recipe that cannot be baked; a tolerance that is not reached; a failed check.
 pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progress) -> Result<Baked> {
     recipe.check()?;
-    let Source { panorama, report, adjusted } = source;
+    let Source { panorama, adjusted, .. } = source;
     let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
     let (specular, irradiance) = filter(recipe, panorama, progress)?;
     let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format.number);
@@ -133,7 +133,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
-    let mut checks = judged.facts(report.min < 0.0);
+    let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
     checks.extend(judged.against(panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
     let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
@@ -156,7 +156,16 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
-        let texture = ktx2::Texture { format, width: size, height: size, depth: 0, faces: 6, levels, metadata };
+        let texture = ktx2::Texture {
+            format,
+            width: size,
+            height: size,
+            depth: 0,
+            faces: 6,
+            levels,
+            metadata,
+            primaries: panorama.primaries(),
+        };
         ktx2::encode(&texture)
     };
     let mut levels = bytes_of_levels;
@@ -286,6 +295,14 @@ fn input(Source { panorama, report, adjusted }: &Source) -> Input {
         peak: panorama.peak().2,
         nonfinite: report.nonfinite,
         negative: report.negative,
+        layout: report.layout,
+        size: report.size,
+        stated_primaries: report.stated,
+        primaries: report.primaries,
+        primaries_name: report.primaries.to_string(),
+        out_of_gamut: report.out_of_gamut,
+        flux_found: report.flux_found,
+        flux: report.flux,
         adjusted: *adjusted,
     }
 }

@@ -86,7 +86,8 @@ fn encode(table: &Table, recipe: &TableRecipe, certificate: &Certificate) -> Res
     match recipe.format {
         FormatSpec::Exr(number) => {
             let names: Vec<&str> = table.spec.channels.iter().map(|c| c.quantity.name).collect();
-            let image = Image { width, height, channels: arrangement.names(&names), texels: values, metadata };
+            let image =
+                Image { width, height, channels: arrangement.names(&names), texels: values, metadata, primaries: None };
             Ok(exr::encode(&image, number)?.0)
         }
         FormatSpec::Ktx2(texel) => {

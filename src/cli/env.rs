@@ -7,8 +7,9 @@ use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
 use kiln::bake::Source;
 use kiln::certificate::Certificate;
+use kiln::colour::TargetColour;
 use kiln::environment::spherical_harmonics::IrradianceFit;
-use kiln::environment::{BUILTIN_PREFIX, InstructionSet, Negatives, NonFinite};
+use kiln::environment::{BUILTIN_PREFIX, InputLayout, InputReport, InstructionSet, Layout, Negatives, NonFinite};
 use kiln::format::FormatSpec;
 use kiln::recipe::EnvironmentRecipe;
 use kiln::{Error, Result};
@@ -21,8 +22,9 @@ use std::path::{Path, PathBuf};
                         samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
 )]
 pub struct Env {
-    /// Equirectangular panorama (.hdr or .exr, 2:1), or builtin:NAME: see `kiln list environments`. Of several, each gets a folder of
-    /// its name, those that are baked already are skipped, and one that fails does not stop the others
+    /// Panorama (.hdr, .exr), cube (.ktx2; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
+    /// builtin:NAME, see `kiln list environments`. Of several, each gets a folder of its name, those that are baked already are
+    /// skipped, and one that fails does not stop the others
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
     /// Folder to write to; created if it is missing
@@ -49,6 +51,12 @@ pub struct Env {
     /// Container and texel format of the cubes
     #[arg(long, default_value = "ktx2:rgba16f")]
     format: FormatSpec,
+    /// What the input is read as
+    #[arg(long, value_enum, default_value = "auto", value_name = "LAYOUT")]
+    input_layout: InputLayoutName,
+    /// Primaries to convert to, from those that the input states (else Rec. 709)
+    #[arg(long, value_enum, default_value = "rec709", value_name = "PRIMARIES")]
+    to: TargetName,
     /// What becomes of NaN and infinities
     #[arg(long, value_enum, default_value = "error")]
     nonfinite: NonFiniteName,
@@ -59,6 +67,30 @@ pub struct Env {
     integration: IntegrationArgs,
     #[command(flatten)]
     adjust: AdjustArgs,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum InputLayoutName {
+    /// A cube if it is a cube texture, six files named as faces, 4:3, 3:4, 6:1 or 1:6; else a panorama
+    Auto,
+    /// A panorama, whatever its proportions
+    Panorama,
+    /// A horizontal (4:3) or vertical (3:4) cross
+    Cross,
+    /// A horizontal (6:1) or vertical (1:6) strip of +X −X +Y −Y +Z −Z
+    Strip,
+    /// A cube texture or six files
+    Cube,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum TargetName {
+    /// Rec. 709 (sRGB)
+    Rec709,
+    /// ACEScg
+    Acescg,
+    /// Those of the input
+    Keep,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -123,6 +155,18 @@ impl Env {
         recipe.min_size = self.min_size;
         recipe.roughness = (!self.roughness.is_empty()).then(|| self.roughness.clone());
         recipe.format = self.format;
+        recipe.input_layout = match self.input_layout {
+            InputLayoutName::Auto => InputLayout::Auto,
+            InputLayoutName::Panorama => InputLayout::Panorama,
+            InputLayoutName::Cross => InputLayout::Cross,
+            InputLayoutName::Strip => InputLayout::Strip,
+            InputLayoutName::Cube => InputLayout::Cube,
+        };
+        recipe.to = match self.to {
+            TargetName::Rec709 => TargetColour::Rec709,
+            TargetName::Acescg => TargetColour::AcesCg,
+            TargetName::Keep => TargetColour::Keep,
+        };
         recipe.nonfinite = match self.nonfinite {
             NonFiniteName::Error => NonFinite::Error,
             NonFiniteName::Zero => NonFinite::Zero,
@@ -183,17 +227,7 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     std::fs::create_dir_all(&target).map_err(|e| Error::writing(&target, e))?;
     let source = kiln::bake::source(recipe)?;
     let Source { report, adjusted, .. } = &source;
-    if report.nonfinite > 0 {
-        console.warn(&format!("{}: {} values were not finite and are zero now", recipe.input, report.nonfinite));
-    }
-    if report.negative > 0 {
-        let fate =
-            if recipe.negatives == Negatives::Keep { "kept; --negatives clamp removes them" } else { "zero now" };
-        console.warn(&format!(
-            "{}: {} values were below zero (down to {}) and are {fate}",
-            recipe.input, report.negative, report.min
-        ));
-    }
+    warn_of_input(recipe, report, console);
     if recipe.adjust.extract_sun && adjusted.sun.is_none() {
         console.warn(&format!("{}: no sun stands out, and none was taken out", recipe.input));
     }
@@ -238,4 +272,38 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     ));
     warn_of_packing(console, &target.display().to_string(), &baked.certificate.packing);
     Ok(baked.certificate)
+}
+
+/// Says what in an input is not as one would think, and what was changed.
+fn warn_of_input(recipe: &EnvironmentRecipe, report: &InputReport, console: &Console) {
+    let warn = |text: String| console.warn(&format!("{}: {text}", recipe.input));
+    let [width, height] = report.size;
+    if report.layout != Layout::Panorama {
+        console.note(&format!("{}: read as a {}, faces of {width}²", recipe.input, report.layout));
+    } else if width != 2 * height {
+        warn(format!("{width} × {height} is not 2:1; its texels are spread over the whole sphere all the same"));
+    }
+    if let Some(stated) = report.stated.filter(|stated| *stated != report.primaries) {
+        console.note(&format!("{}: converted from {stated} to {}", recipe.input, report.primaries));
+    }
+    if report.nonfinite > 0 {
+        warn(format!("{} values were not finite and are zero now", report.nonfinite));
+    }
+    let fate = if recipe.negatives == Negatives::Keep { "kept; --negatives clamp removes them" } else { "zero now" };
+    if report.negative > 0 {
+        warn(format!("{} values were below zero (down to {}) and are {fate}", report.negative, report.min));
+    }
+    if report.out_of_gamut > 0 {
+        warn(format!("{} values are below zero in {}, and {fate}", report.out_of_gamut, report.primaries));
+    }
+    let (change, channel) = report.worst_flux_change();
+    // Below this it is the rounding of values to f32 in a conversion.
+    if change.abs() > 1e-7 {
+        let [before, after] = [report.flux_found[channel], report.flux[channel]];
+        let name = ["red", "green", "blue"][channel];
+        warn(format!(
+            "that changed the flux by up to {:+.2e} of it ({name}: {before:.6} before, {after:.6} after)",
+            change
+        ));
+    }
 }

@@ -21,6 +21,9 @@ pub struct Info {
     unit: UnitArgs,
 }
 
+/// The primaries that go without saying.
+const REC709: &str = "Rec. 709";
+
 /// What is known of a file.
 #[derive(Serialize)]
 struct Facts {
@@ -32,6 +35,8 @@ struct Facts {
     faces: usize,
     levels: usize,
     channels: Vec<Range>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    primaries: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaFacts>,
     metadata: Vec<(String, String)>,
@@ -98,9 +103,11 @@ fn of_image(path: &Path, kind: &str, image: Image, unit: Unit) -> Facts {
         faces: 1,
         levels: 1,
         channels,
-        // Only what can be a panorama has these facts; a table has not.
-        panorama: Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep)
-            .ok()
+        primaries: image.primaries.map(|p| p.to_string()),
+        // Only what looks like a panorama has these facts; a table has not.
+        panorama: (image.width == 2 * image.height)
+            .then(|| Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).ok())
+            .flatten()
             .map(|(p, _)| of_panorama(&p, unit)),
         metadata: image.metadata,
         certificate: None,
@@ -125,6 +132,7 @@ fn of_texture(path: &Path, texture: ktx2::Texture) -> Facts {
         faces: texture.faces,
         levels: texture.levels.len(),
         channels: ranges(&names, &values, n),
+        primaries: Some(texture.primaries.to_string()),
         panorama: None,
         metadata: texture.metadata,
         certificate: None,
@@ -169,6 +177,9 @@ fn text(facts: &Facts) -> String {
         })
         .collect();
     text += &columns(&["channel", "min", "max", "mean", "not finite", "negative"], &cells);
+    if let Some(primaries) = facts.primaries.as_deref().filter(|&name| name != REC709) {
+        text += &format!("primaries: {primaries}\n");
+    }
     if let Some(p) = &facts.panorama {
         let light = &p.light;
         let [x, y, z] = light.peak_direction;

@@ -1,6 +1,6 @@
 //! What a lighting artist changes before filtering: turned, exposed, clamped, calibrated, its sun taken out.
 
-use super::panorama::{Panorama, luminance};
+use super::panorama::Panorama;
 use super::photometry::{Unit, horizontal_irradiance};
 use super::sun::{self, Sun};
 use crate::error::{Error, Result};
@@ -103,7 +103,7 @@ impl Adjustment {
                 std::array::from_fn(|c| if before[c] == 0.0 { 0.0 } else { 1.0 - after[c] / before[c] });
         }
         if let Some(lux) = self.illuminance {
-            let now = self.unit.nits() * adjusted.factor * luminance(horizontal_irradiance(&panorama));
+            let now = self.unit.nits() * adjusted.factor * panorama.luminance(horizontal_irradiance(&panorama));
             if now.is_nan() || now <= 0.0 {
                 return Err(Error::invalid(
                     format!("a horizontal illuminance of {now} lux, which no factor turns into {lux}"),

@@ -2,16 +2,14 @@
 //!
 //! In φ and y = d.y area is preserved, so the integral of radiance over a texel is, by Green's theorem, ∮ P(φ, y) dφ
 //! around it, with P(φ, y) = ∫_y^1 L(φ, y′) dy′: each edge of the texel contributes the wedge between itself and the
-//! pole. P is linear in y within a panorama texel, and a texel's edges are great circles, on which
-//! y = a cos ψ / √(b² + a² cos² ψ), ψ = φ − φ₀: both P and where the edge crosses rows and columns are closed forms.
+//! pole. P is linear in y within a panorama texel; where the edges cross those is known in `overlap.rs`.
 //! Meridians have dφ = 0 and contribute nothing. Each edge is integrated once for the two texels that share it, so no
 //! flux is lost or counted twice. The −Y face is the +Y face of the panorama mirrored in y.
-
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use rayon::prelude::*;
 
 use super::cube::{Cube, edge, solid_angles};
+use super::overlap::{CENTRES, Circle, Grid, cap_rows, top_circle};
 use super::panorama::Panorama;
 
 /// The panorama averaged over the exact solid angle of each texel of a cube of this size. A constant panorama comes out
@@ -19,16 +17,14 @@ use super::panorama::Panorama;
 pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
     let mean = panorama.mean();
     let all_rows = Wedges::new(panorama, mean, panorama.height(), false);
-    // The corners of the top face are 54.7° from the pole.
-    let cap_rows = (panorama.height() as f64 * (1.0 / 3f64.sqrt()).acos() / PI) as usize + 2;
-    let south = Wedges::new(panorama, mean, cap_rows.min(panorama.height()), true);
+    let south = Wedges::new(panorama, mean, cap_rows(panorama.height()), true);
 
     let angles = solid_angles(size);
     let faces: Vec<Vec<[f64; 3]>> = (0..6)
         .map(|face| match face {
             2 => top_face(&all_rows, size),
             3 => flip_rows(top_face(&south, size), size),
-            side => side_face(&all_rows, size, [0.0, PI, 0.0, 0.0, FRAC_PI_2, -FRAC_PI_2][side]),
+            side => side_face(&all_rows, size, CENTRES[side]),
         })
         .collect();
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
@@ -54,17 +50,15 @@ fn side_face(wedges: &Wedges, size: usize, centre: f64) -> Vec<[f64; 3]> {
 
 /// Integrals over the texels of the face around the pole that the wedges start from.
 fn top_face(wedges: &Wedges, size: usize) -> Vec<[f64; 3]> {
-    // A line at distance t from the centre is the circle tan(elevation) = cos ψ / |t|; through the centre, a meridian.
-    let line = |t: f64, centre: [f64; 2], turn: f64| match t {
-        0.0 => vec![[0.0; 3]; size],
-        _ if t > 0.0 => wedges.along_line(&Circle { a: 1.0, b: t, centre: centre[0] }, turn, size),
-        _ => wedges.along_line(&Circle { a: 1.0, b: -t, centre: centre[1] }, -turn, size),
+    let line = |t: f64, along_v: bool| match top_circle(t, along_v) {
+        Some((circle, turn)) => wedges.along_line(&circle, turn, size),
+        None => vec![[0.0; 3]; size],
     };
     let (along_v, along_u): (Vec<_>, Vec<_>) = (0..=size)
         .into_par_iter()
         .map(|k| {
             let t = edge(size, k);
-            (line(t, [0.0, PI], 1.0), line(t, [FRAC_PI_2, -FRAC_PI_2], -1.0))
+            (line(t, true), line(t, false))
         })
         .unzip();
     (0..size * size)
@@ -85,34 +79,11 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|c| a[c] - b[c])
 }
 
-/// A great circle that is no meridian: tan(elevation) = (a / b) cos(φ − centre), b > 0.
-struct Circle {
-    a: f64,
-    b: f64,
-    centre: f64,
-}
-
-impl Circle {
-    /// ∫₀^s y dψ, and y at s.
-    fn height_integral(&self, s: f64) -> (f64, f64) {
-        let (sin, cos) = s.sin_cos();
-        let norm = (self.b * self.b + self.a * self.a * cos * cos).sqrt();
-        ((self.a * sin).atan2(norm), self.a * cos / norm)
-    }
-}
-
-/// P at every edge between rows, counted from a pole, and where those edges lie.
+/// P at every edge between rows, counted from a pole.
 struct Wedges {
-    width: usize,
-    rows: usize,
-    /// `rows + 1` lines of `width` values of P.
+    grid: Grid,
+    /// One line of `width` values of P for each edge of the grid's rows.
     prefix: Vec<[f64; 3]>,
-    /// y of the edges between rows, measured towards the pole.
-    y: Vec<f64>,
-    /// tan(elevation) of the same edges.
-    slope: Vec<f64>,
-    /// Rows of the panorama that `rows` counts a part of.
-    height: usize,
 }
 
 impl Wedges {
@@ -120,111 +91,51 @@ impl Wedges {
     /// the panorama when `mirrored`. They take 24 bytes a texel.
     fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
-        // The edges mirror each other exactly, so both hemispheres use the same ones.
-        let y = panorama.row_edges()[..=rows].to_vec();
-        let slope = y.iter().map(|y| y / (1.0 - y * y).sqrt()).collect();
+        let grid = Grid::new(width, panorama.row_edges(), rows);
         let mut prefix = vec![[0.0; 3]; (rows + 1) * width];
         for row in 0..rows {
             let texels = panorama.row(if mirrored { height - 1 - row } else { row });
             let (above, below) = prefix[row * width..(row + 2) * width].split_at_mut(width);
             for ((below, above), texel) in below.iter_mut().zip(above).zip(texels) {
                 for c in 0..3 {
-                    below[c] = above[c] + (f64::from(texel[c]) - mean[c]) * (y[row] - y[row + 1]);
+                    below[c] = above[c] + (f64::from(texel[c]) - mean[c]) * grid.row_height(row);
                 }
             }
         }
-        Self { width, rows, prefix, y, slope, height }
+        Self { grid, prefix }
     }
 
-    /// ∫ P dφ along each of the `size` pieces of a grid line: ψ = turn · atan(t / b), t from −1 to 1.
+    /// ∫ P dφ along each of the `size` pieces of a grid line.
     fn along_line(&self, circle: &Circle, turn: f64, size: usize) -> Vec<[f64; 3]> {
-        let angle = |t: f64| (t.abs() / circle.b).atan();
-        (0..size)
-            .map(|i| {
-                let (t0, t1) = (edge(size, i), edge(size, i + 1));
-                let mut sum = [0.0; 3];
-                // Split where the circle is highest; each part is walked away from there, and counted as t grows.
-                if t0 < 0.0 {
-                    self.add_arc(circle, -turn, angle(t1.min(0.0)), angle(t0), turn, &mut sum);
-                }
-                if t1 > 0.0 {
-                    self.add_arc(circle, turn, angle(t0.max(0.0)), angle(t1), turn, &mut sum);
-                }
-                sum
-            })
-            .collect()
-    }
-
-    /// Adds `sign` ∫ P ds along the arc φ = centre + side · s, s from `from` to `to`, both ≥ 0.
-    fn add_arc(&self, circle: &Circle, side: f64, from: f64, to: f64, sign: f64, sum: &mut [f64; 3]) {
-        let column_position = (circle.centre + side * from + PI) / TAU * self.width as f64;
-        let mut column = if side > 0.0 { column_position.floor() } else { column_position.ceil() - 1.0 };
-        let (mut area, y) = circle.height_integral(from);
-        let mut row = self.row_at(y);
-        let mut s = from;
-        let mut next_column = self.column_crossing(circle, side, column);
-        let mut next_row = self.row_crossing(circle, row);
-        while s < to {
-            let end = next_column.min(next_row).min(to).max(s);
-            let area_end = circle.height_integral(end).0;
-            let index = row * self.width + (column as i64).rem_euclid(self.width as i64) as usize;
-            let (above, below) = (self.prefix[index], self.prefix[index + self.width]);
-            // ∫ P = P at the row's upper edge × length + L × ∫ (y_edge − y).
-            let length = end - s;
-            let depth = (self.y[row] * length - (area_end - area)) / (self.y[row] - self.y[row + 1]);
+        let mut sums = vec![[0.0; 3]; size];
+        self.grid.along_line(circle, turn, size, |piece, part| {
+            let index = part.row * self.grid.width() + part.column;
+            let (above, below) = (self.prefix[index], self.prefix[index + self.grid.width()]);
             for c in 0..3 {
-                sum[c] += sign * (above[c] * length + (below[c] - above[c]) * depth);
+                sums[piece][c] += above[c] * part.length + (below[c] - above[c]) * part.depth;
             }
-            (s, area) = (end, area_end);
-            if end == to {
-                break;
-            }
-            if next_column <= next_row {
-                column += side;
-                next_column = self.column_crossing(circle, side, column);
-            } else {
-                row = if circle.a > 0.0 { row + 1 } else { row - 1 };
-                next_row = self.row_crossing(circle, row);
-            }
-        }
-    }
-
-    /// The row that holds a height, clamped to the rows there are (rounding may put an end point just outside).
-    fn row_at(&self, y: f64) -> usize {
-        let theta = (1.0 - y * y).max(0.0).sqrt().atan2(y);
-        ((theta / PI * self.height as f64) as usize).min(self.rows - 1)
-    }
-
-    /// Where, going outwards, the arc leaves a column.
-    fn column_crossing(&self, circle: &Circle, side: f64, column: f64) -> f64 {
-        let edge = if side > 0.0 { column + 1.0 } else { column };
-        side * (TAU * edge / self.width as f64 - PI - circle.centre)
-    }
-
-    /// Where, going outwards and so towards the equator, the arc leaves a row; infinity if it does not.
-    fn row_crossing(&self, circle: &Circle, row: usize) -> f64 {
-        let edge = if circle.a > 0.0 { row + 1 } else { row };
-        if circle.a == 0.0 || edge == 0 || edge >= self.rows {
-            return f64::INFINITY;
-        }
-        // Above one, rounding has put the arc's highest point in the row beyond: it leaves that at once.
-        let cos = (circle.b * self.slope[edge] / circle.a).min(1.0);
-        if cos > 0.0 { cos.acos() } else { f64::INFINITY }
+        });
+        sums
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::cube::face_point;
-    use super::super::test_maps::random;
+    use super::super::test_maps::{random, random_sized};
     use super::*;
     use crate::math::sobol::PointSet;
 
     #[test]
     fn white_is_exactly_one() {
-        for (width, size) in [(4, 1), (64, 7), (16, 64), (10, 3)] {
-            let white = Panorama::new(width, width / 2, vec![[1.0; 3]; width * width / 2]).unwrap();
-            assert!(area_average(&white, size).texels.iter().flatten().all(|&v| v == 1.0), "{width} → {size}");
+        for ([width, height], size) in
+            [([4, 2], 1), ([64, 32], 7), ([16, 8], 64), ([10, 5], 3), ([5, 3], 4), ([33, 20], 9)]
+        {
+            let white = Panorama::new(width, height, vec![[1.0; 3]; width * height]).unwrap();
+            assert!(
+                area_average(&white, size).texels.iter().flatten().all(|&v| v == 1.0),
+                "{width} × {height} → {size}"
+            );
         }
     }
 
@@ -248,11 +159,14 @@ mod tests {
 
     #[test]
     fn every_pair_of_sizes_keeps_the_flux() {
-        for width in [4, 6, 10, 34, 128] {
-            let panorama = random(width, 3, Some((width / 3, width / 5)));
+        let usual = [4, 6, 10, 34, 128].map(|width| [width, width / 2]);
+        // Not 2:1, odd, one row at the equator, far wider or higher than usual.
+        let others = [[5, 3], [7, 2], [4, 3], [4, 31], [100, 60], [333, 200], [51, 5]];
+        for [width, height] in usual.into_iter().chain(others) {
+            let panorama = random_sized([width, height], 3, Some((width / 3, 2 * height / 5)));
             for size in 1..=24 {
                 let (got, wanted) = (area_average(&panorama, size).mean()[0], panorama.mean()[0]);
-                assert!((got / wanted - 1.0).abs() < 6e-8, "{width} → {size}: {got}, wanted {wanted}");
+                assert!((got / wanted - 1.0).abs() < 6e-8, "{width} × {height} → {size}: {got}, wanted {wanted}");
             }
         }
     }
@@ -262,8 +176,9 @@ mod tests {
     fn texels_agree_with_brute_force() {
         let n = 256;
         let points = PointSet::<2>::new(2, 0, n * n);
-        for (width, size) in [(16, 3), (20, 5), (32, 4), (8, 1)] {
-            let panorama = random(width, 8, Some((3, 1)));
+        let cases = [([16, 8], 3), ([20, 10], 5), ([32, 16], 4), ([8, 4], 1), ([5, 3], 2), ([9, 14], 3), ([33, 20], 2)];
+        for ([width, height], size) in cases {
+            let panorama = random_sized([width, height], 8, Some((3, 1)));
             let cube = area_average(&panorama, size);
             for index in 0..6 * size * size {
                 let (face, row, column) = (index / (size * size), index / size % size, index % size);
@@ -283,7 +198,7 @@ mod tests {
                 let tolerance = 5.0 * largest / 2.0 * (16.0 * n as f64).sqrt() / (n * n) as f64;
                 assert!(
                     (got - wanted).abs() < tolerance,
-                    "{width} → {size}, {index}: {got}, wanted {wanted} ± {tolerance}"
+                    "{width} × {height} → {size}, {index}: {got}, wanted {wanted} ± {tolerance}"
                 );
             }
         }

@@ -411,7 +411,7 @@ impl Compensated {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_maps::random;
+    use super::super::test_maps::{random, random_sized};
     use super::*;
     use crate::math::sobol::PointSet;
 
@@ -458,6 +458,30 @@ mod tests {
                     for (channel, whole) in whole.into_iter().enumerate() {
                         assert!((whole - 1.0).abs() < 1e-6, "{width}, alpha {alpha}, axis {axis}, {channel}: {whole}");
                     }
+                }
+            }
+        }
+    }
+
+    /// The same for panoramas that are not 2:1: red is 1 but for one texel, green is that texel alone, blue a random map.
+    #[test]
+    fn panoramas_of_any_proportions_keep_the_mass_and_agree_with_more_points() {
+        for [width, height] in [[5, 3], [7, 2], [4, 31], [100, 60], [33, 20]] {
+            let mut texels = random_sized([width, height], 3, None).texels().to_vec();
+            let dark = (height / 2) * width + width / 3;
+            for (i, texel) in texels.iter_mut().enumerate() {
+                (texel[0], texel[1]) = if i == dark { (0.0, 1.0) } else { (1.0, 0.0) };
+            }
+            let panorama = Panorama::new(width, height, texels).unwrap();
+            let (coarse, fine) = (FullSum::new(&panorama), FullSum::with_extra_points(&panorama, 3));
+            for alpha in [1.0, 0.3, 0.05] {
+                let kernel = Kernel::new(alpha);
+                for axis in directions(centre(&panorama, dark % width, dark / width)) {
+                    let (got, wanted) = (coarse.evaluate(axis, &kernel), fine.evaluate(axis, &kernel));
+                    let mass = got[0] + got[1];
+                    assert!((mass - 1.0).abs() < 1e-6, "{width} × {height}, alpha {alpha}, axis {axis}: {mass}");
+                    let error = (got[2] / wanted[2] - 1.0).abs();
+                    assert!(error < 1e-6, "{width} × {height}, alpha {alpha}, axis {axis}: {got:?} wanted {wanted:?}");
                 }
             }
         }

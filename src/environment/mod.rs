@@ -1,5 +1,8 @@
 //! Environment maps: what a baker turns a panorama into.
 //!
+//! An input ([`load`]: a file, six files, a built-in environment) is read as a panorama or as a cube ([`layout`]), repaired and brought to
+//! one set of primaries ([`repair`]), a cube turned into a panorama ([`mod@from_cube`]).
+//!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]); [`Adjustment`] turns, exposes and
 //! calibrates it ([`photometry`]). From it come the area average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels
 //! ([`chain`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], [`full_sum`]), the Lambert
@@ -11,14 +14,20 @@ pub mod area_average;
 pub mod builtin;
 pub mod chain;
 pub mod cube;
+mod face_files;
+pub mod from_cube;
 pub mod full_sum;
 pub mod irradiance;
 pub mod kernel;
+pub mod layout;
 pub mod monte_carlo;
 pub mod nonnegative;
+mod overlap;
 pub mod panorama;
 mod peel;
 pub mod photometry;
+mod raw;
+pub mod repair;
 mod sampler;
 pub mod sky;
 mod source;
@@ -34,13 +43,16 @@ pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
 pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, chain_and_irradiance, specular_chain};
 pub use cube::Cube;
+pub use from_cube::from_cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
 pub use kernel::Kernel;
+pub use layout::{InputLayout, Layout};
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
-pub use panorama::{InputReport, Negatives, NonFinite, Panorama, luminance};
+pub use panorama::{Panorama, luminance};
 pub use photometry::{Photometry, Unit};
-pub use source::{BUILTIN_PREFIX, load};
+pub use repair::{InputReport, Negatives, NonFinite};
+pub use source::{BUILTIN_PREFIX, Reading, load};
 pub use spherical_harmonics::SphericalHarmonics;
 pub use sun::{Sun, extract as extract_sun};
 pub use zonal::{InstructionSet, Zonal};

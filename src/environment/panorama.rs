@@ -7,46 +7,14 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
-use crate::format::Image;
 
-/// Fewest rows of a panorama; it is twice as wide as it is high.
+/// Fewest columns of a panorama.
+pub const MIN_WIDTH: usize = 4;
+/// Fewest rows of a panorama.
 pub const MIN_HEIGHT: usize = 2;
-
-/// What becomes of NaN and infinities in an input.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum NonFinite {
-    /// Refuse the input and say where the first one is.
-    #[default]
-    Error,
-    /// Replace each by zero, and count them.
-    Zero,
-}
-
-/// What becomes of negative radiance in an input (lossy compression makes it, beside suns).
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Negatives {
-    /// Keep it, and count it.
-    #[default]
-    Keep,
-    /// Replace each value by zero, and count them.
-    Clamp,
-}
-
-/// What was wrong with the values of an input.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct InputReport {
-    /// Values that were NaN or infinite, and are zero now.
-    pub nonfinite: u64,
-    /// Values below zero, kept or set to zero as the policy says.
-    pub negative: u64,
-    /// The smallest finite value of the input.
-    pub min: f32,
-}
 
 /// The box that a texel is on the sphere: dω = dφ d(d.y).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,12 +43,16 @@ pub struct Panorama {
     /// d.y at the `height + 1` edges of the rows, from 1 down to −1.
     row_edges: Vec<f64>,
     mean: [f64; 3],
+    primaries: Primaries,
+    luminance_weights: [f64; 3],
 }
 
 impl Panorama {
     /// The panorama with these texels, row 0 at the top (+Y).
     ///
-    /// **Errors**: not 2:1, fewer than [`MIN_HEIGHT`] rows, a number of texels that does not fit, values not finite.
+    /// The texels cover the sphere whatever their number: where it is not 2:1 they are not square at the horizon.
+    ///
+    /// **Errors**: fewer than [`MIN_WIDTH`] columns or [`MIN_HEIGHT`] rows, a number of texels that does not fit, values not finite.
     pub fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Result<Self> {
         check_shape(width, height)?;
         if texels.len() != width * height {
@@ -91,8 +63,15 @@ impl Panorama {
         }
         let values = texels.iter().flatten().copied();
         refuse_nonfinite(values.clone().filter(|v| !v.is_finite()).count(), values, width)?;
-        let row_edges: Vec<f64> = (0..=height).map(|row| row_edge(row, height)).collect();
-        let mut panorama = Self { width, height, texels, row_edges, mean: [0.0; 3] };
+        let mut panorama = Self {
+            width,
+            height,
+            texels,
+            row_edges: row_edges(height),
+            mean: [0.0; 3],
+            primaries: Primaries::REC709,
+            luminance_weights: REC709_LUMINANCE,
+        };
         panorama.mean = panorama.compute_mean();
         Ok(panorama)
     }
@@ -101,7 +80,7 @@ impl Panorama {
     pub(super) fn with_texels(&self, texels: Vec<[f32; 3]>) -> Self {
         debug_assert_eq!(texels.len(), self.texels.len());
         let row_edges = self.row_edges.clone();
-        let mut panorama = Self { width: self.width, height: self.height, texels, row_edges, mean: [0.0; 3] };
+        let mut panorama = Self { texels, row_edges, mean: [0.0; 3], ..*self };
         panorama.mean = panorama.compute_mean();
         panorama
     }
@@ -111,53 +90,6 @@ impl Panorama {
         let height = width / 2;
         let texel = |index: usize| radiance(texel_box(width, index % width, index / width)).map(|v| v as f32);
         Self::new(width, height, (0..width * height).map(texel).collect())
-    }
-
-    /// The panorama that a picture holds: its colour, as [`Image::rgb`] finds it, or a single channel as grey; other channels are
-    /// left out.
-    ///
-    /// **Errors**: see [`Panorama::new`]; also when the channels are not there, or when a value is not finite and the
-    /// policy is [`NonFinite::Error`].
-    pub fn from_image(image: &Image, nonfinite: NonFinite, negatives: Negatives) -> Result<(Self, InputReport)> {
-        check_shape(image.width, image.height)?;
-        let stride = image.channels.len();
-        if image.texels.len() != image.width * image.height * stride {
-            return Err(Error::invalid(
-                format!(
-                    "picture of {} × {} × {stride} channels holds {} values",
-                    image.width,
-                    image.height,
-                    image.texels.len()
-                ),
-                "decode the whole file",
-            ));
-        }
-        // One channel alone is grey, whatever its name.
-        let channels = if stride == 1 { [0; 3] } else { image.colour_channels()? };
-        let mut texels: Vec<[f32; 3]> =
-            image.texels.chunks_exact(stride).map(|texel| channels.map(|channel| texel[channel])).collect();
-
-        let values = || texels.iter().flatten().copied();
-        let count = |wrong: fn(f32) -> bool| values().filter(|&v| wrong(v)).count();
-        let n_nonfinite = count(|v| !v.is_finite());
-        if nonfinite == NonFinite::Error {
-            refuse_nonfinite(n_nonfinite, values(), image.width)?;
-        }
-        let min = values().filter(|v| v.is_finite()).fold(f32::INFINITY, f32::min);
-        let n_negative = count(|v| v < 0.0 && v.is_finite());
-        let grey = if channels[0] == channels[2] { 3 } else { 1 }; // a grey value was counted three times
-        let report = InputReport {
-            nonfinite: (n_nonfinite / grey) as u64,
-            negative: (n_negative / grey) as u64,
-            min: if min.is_finite() { min } else { 0.0 },
-        };
-
-        for value in texels.iter_mut().flatten() {
-            if !value.is_finite() || (*value < 0.0 && negatives == Negatives::Clamp) {
-                *value = 0.0;
-            }
-        }
-        Ok((Self::new(image.width, image.height, texels)?, report))
     }
 
     /// Texels in a row.
@@ -200,9 +132,7 @@ impl Panorama {
 
     /// Solid angle of each texel of a row, in steradians.
     pub fn solid_angle(&self, row: usize) -> f64 {
-        // cos a − cos b = 2 sin((a+b)/2) sin((b−a)/2): no cancellation at the poles.
-        let n = self.height as f64;
-        TAU / self.width as f64 * 2.0 * (PI * (row as f64 + 0.5) / n).sin() * (PI / (2.0 * n)).sin()
+        row_solid_angle(self.width, self.height, row)
     }
 
     /// Column and row of the texel in a direction (which need not be of unit length).
@@ -225,6 +155,21 @@ impl Panorama {
         self.mean
     }
 
+    /// What red, green and blue are: Rec. 709 unless [`Panorama::with_primaries`] said otherwise.
+    pub fn primaries(&self) -> Primaries {
+        self.primaries
+    }
+
+    /// The same values, said to be in these primaries.
+    pub fn with_primaries(self, primaries: Primaries) -> Self {
+        Self { primaries, luminance_weights: primaries.luminance_weights(), ..self }
+    }
+
+    /// Luminance of a colour in the panorama's primaries.
+    pub fn luminance(&self, rgb: [f64; 3]) -> f64 {
+        dot(self.luminance_weights, rgb)
+    }
+
     /// Smallest radiance in each channel.
     pub fn min(&self) -> [f32; 3] {
         let lower = |m: [f32; 3], t: &[f32; 3]| std::array::from_fn(|c| m[c].min(t[c]));
@@ -240,7 +185,7 @@ impl Panorama {
     /// Position of the texel with the largest luminance, and its luminance.
     pub fn peak(&self) -> (usize, usize, f64) {
         let brighter = |best: (usize, f64), (index, texel): (usize, &[f32; 3])| {
-            let y = luminance(texel.map(f64::from));
+            let y = self.luminance(texel.map(f64::from));
             if y > best.1 { (index, y) } else { best }
         };
         let (index, y) = self.texels.iter().enumerate().fold((0, f64::NEG_INFINITY), brighter);
@@ -266,12 +211,31 @@ impl Panorama {
     }
 }
 
+/// [`Primaries::luminance_weights`] of Rec. 709, computed beforehand.
+const REC709_LUMINANCE: [f64; 3] = [0.21263900587151033, 0.7151686787677562, 0.0721923153607338];
+
 /// Luminance of linear Rec. 709 RGB.
 pub fn luminance(rgb: [f64; 3]) -> f64 {
-    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+    dot(REC709_LUMINANCE, rgb)
 }
 
-/// The box of a texel of any panorama of this width.
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Solid angle of each texel of a row, in steradians.
+pub(super) fn row_solid_angle(width: usize, height: usize, row: usize) -> f64 {
+    // cos a − cos b = 2 sin((a+b)/2) sin((b−a)/2): no cancellation at the poles.
+    let n = height as f64;
+    TAU / width as f64 * 2.0 * (PI * (row as f64 + 0.5) / n).sin() * (PI / (2.0 * n)).sin()
+}
+
+/// The heights d.y of the edges between that many rows, from 1 down to −1.
+pub(super) fn row_edges(height: usize) -> Vec<f64> {
+    (0..=height).map(|row| row_edge(row, height)).collect()
+}
+
+/// The box of a texel of a built-in panorama of this width, which is half as high.
 pub(super) fn texel_box(width: usize, column: usize, row: usize) -> TexelBox {
     let y = |row: usize| row_edge(row, width / 2);
     TexelBox { phi: [column_edge(column, width), column_edge(column + 1, width)], y: [y(row + 1), y(row)] }
@@ -287,14 +251,12 @@ fn row_edge(row: usize, height: usize) -> f64 {
     (PI / 2.0 * (height as f64 - 2.0 * row as f64) / height as f64).sin()
 }
 
-fn check_shape(width: usize, height: usize) -> Result<()> {
-    if width != 2 * height || height < MIN_HEIGHT {
+/// Refuses what is too small to be a map of the sphere.
+pub(super) fn check_shape(width: usize, height: usize) -> Result<()> {
+    if width < MIN_WIDTH || height < MIN_HEIGHT {
         return Err(Error::invalid(
-            format!(
-                "panorama of {width} × {height} is not equirectangular: 2:1 and at least {} × {MIN_HEIGHT} are wanted",
-                2 * MIN_HEIGHT
-            ),
-            format!("crop or resample it to {} × {}", 2 * height.max(MIN_HEIGHT), height.max(MIN_HEIGHT)),
+            format!("panorama of {width} × {height}, where at least {MIN_WIDTH} × {MIN_HEIGHT} texels are wanted"),
+            "give a larger picture; an environment of one colour is a panorama of that colour",
         ));
     }
     Ok(())
@@ -316,51 +278,14 @@ mod tests {
     use super::super::test_maps::random;
     use super::*;
 
-    fn image(width: usize, height: usize, channels: &[&str], texels: Vec<f32>) -> Image {
-        let channels = channels.iter().map(|c| (*c).to_owned()).collect();
-        Image { width, height, channels, texels, metadata: Vec::new() }
-    }
-
     #[test]
-    fn channels_are_found_by_name() {
-        let texels = (0..32).map(|i| i as f32).collect::<Vec<_>>();
-        let (panorama, _) = Panorama::from_image(
-            &image(4, 2, &["A", "b", "G", "R"], texels.clone()),
-            NonFinite::Error,
-            Negatives::Keep,
-        )
-        .unwrap();
-        assert_eq!(panorama.texels()[1], [7.0, 6.0, 5.0]);
-        let (grey, _) =
-            Panorama::from_image(&image(4, 2, &["Y"], texels[..8].to_vec()), NonFinite::Error, Negatives::Keep)
-                .unwrap();
-        assert_eq!(grey.texels()[3], [3.0; 3]);
-        let error =
-            Panorama::from_image(&image(4, 2, &["X", "Z"], texels[..16].to_vec()), NonFinite::Error, Negatives::Keep);
-        assert!(error.unwrap_err().to_string().contains("channels X, Z"));
-    }
-
-    #[test]
-    fn wrong_values_are_refused_or_counted() {
-        let mut texels = vec![1.0; 24];
-        texels[4] = f32::NAN;
-        texels[9] = f32::NEG_INFINITY;
-        texels[20] = -3.0;
-        let image = image(4, 2, &["R", "G", "B"], texels);
-        let error = Panorama::from_image(&image, NonFinite::Error, Negatives::Keep).unwrap_err().to_string();
-        assert!(error.contains("2 values") && error.contains("green of texel (1, 0)"), "{error}");
-        let (kept, report) = Panorama::from_image(&image, NonFinite::Zero, Negatives::Keep).unwrap();
-        assert_eq!(report, InputReport { nonfinite: 2, negative: 1, min: -3.0 });
-        assert_eq!((kept.texels()[1][1], kept.texels()[6][2]), (0.0, -3.0));
-        let (clamped, _) = Panorama::from_image(&image, NonFinite::Zero, Negatives::Clamp).unwrap();
-        assert_eq!(clamped.texels()[6][2], 0.0);
-    }
-
-    #[test]
-    fn other_shapes_are_refused_with_the_shape_that_would_do() {
-        for (width, height, wanted) in [(100, 60, "120 × 60"), (2, 1, "4 × 2"), (0, 0, "4 × 2"), (6, 2, "4 × 2")] {
+    fn pictures_too_small_for_a_sphere_are_refused() {
+        for (width, height) in [(0, 0), (1, 1), (2, 1), (3, 2), (100, 1), (4, 1)] {
             let error = Panorama::new(width, height, vec![[0.0; 3]; width * height]).unwrap_err().to_string();
-            assert!(error.contains(&format!("{width} × {height}")) && error.ends_with(wanted), "{error}");
+            assert!(error.contains(&format!("{width} × {height}, where at least 4 × 2")), "{error}");
+        }
+        for (width, height) in [(4, 2), (5, 3), (100, 60), (4, 9)] {
+            Panorama::new(width, height, vec![[0.0; 3]; width * height]).unwrap();
         }
     }
 
@@ -398,6 +323,16 @@ mod tests {
             let panorama = Panorama::new(34, 17, vec![[value; 3]; 34 * 17]).unwrap();
             assert_eq!(panorama.mean(), [f64::from(value); 3]);
         }
+    }
+
+    #[test]
+    fn luminance_follows_the_primaries() {
+        for (got, wanted) in REC709_LUMINANCE.into_iter().zip(Primaries::REC709.luminance_weights()) {
+            assert!((got - wanted).abs() < 1e-15, "{got}, wanted {wanted}");
+        }
+        let panorama = random(16, 3, None).with_primaries(Primaries::ACESCG);
+        assert!((panorama.luminance([0.0, 1.0, 0.0]) - 0.6740817658).abs() < 1e-10);
+        assert_eq!(panorama.with_texels(vec![[1.0; 3]; 128]).primaries(), Primaries::ACESCG);
     }
 
     #[test]

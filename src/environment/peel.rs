@@ -123,7 +123,7 @@ impl Peel {
                 }
             })
             .collect();
-        let extent = PI / height as f64;
+        let extent = (PI / height as f64).max(TAU / width as f64);
         (Self { texels, extent }, panorama.with_texels(rest))
     }
 

@@ -1,6 +1,6 @@
 //! What a panorama's light amounts to: luminance, illuminance, dynamic range.
 
-use super::panorama::{Panorama, luminance};
+use super::panorama::Panorama;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -71,14 +71,14 @@ impl Photometry {
         let darkest = panorama
             .texels()
             .iter()
-            .map(|t| luminance(t.map(f64::from)))
+            .map(|t| panorama.luminance(t.map(f64::from)))
             .filter(|&l| l > 0.0)
             .fold(f64::INFINITY, f64::min);
         let nits = unit.nits();
         let direction: DVec3 = panorama.texel_box(column, row).middle();
         Self {
-            mean_luminance: nits * luminance(panorama.mean()),
-            horizontal_illuminance: nits * luminance(horizontal_irradiance(panorama)),
+            mean_luminance: nits * panorama.luminance(panorama.mean()),
+            horizontal_illuminance: nits * panorama.luminance(horizontal_irradiance(panorama)),
             peak_luminance: nits * peak,
             peak_direction: direction.to_array(),
             dynamic_range_ev: if darkest <= peak { (peak / darkest).log2() } else { 0.0 },

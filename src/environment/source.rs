@@ -1,25 +1,78 @@
-//! Where a panorama comes from: a file, or a built-in environment.
+//! Where a panorama comes from: a file, six files, or a built-in environment.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::builtin::{DEFAULT_WIDTH, builtin};
-use super::panorama::{InputReport, Negatives, NonFinite, Panorama};
-use crate::error::Result;
-use crate::format::read_image;
+use super::face_files::{self, PLACEHOLDER};
+use super::layout::InputLayout;
+use super::panorama::Panorama;
+use super::raw::Raw;
+use super::repair::{InputReport, Negatives, NonFinite, Policy};
+use crate::colour::TargetColour;
+use crate::error::{Error, Result};
+use crate::format::{FileKind, Image, decode_image, ktx2, read_image};
 
 /// What a built-in environment's name begins with.
 pub const BUILTIN_PREFIX: &str = "builtin:";
 
-/// The panorama that `input` names: `builtin:NAME`, or the path of an `.hdr` or `.exr`.
+/// How an input is read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Reading {
+    /// What it is read as.
+    pub layout: InputLayout,
+    /// What becomes of NaN and infinities.
+    pub nonfinite: NonFinite,
+    /// What becomes of values below zero.
+    pub negatives: Negatives,
+    /// Which primaries it is brought to.
+    pub to: TargetColour,
+}
+
+/// The panorama that `input` names: `builtin:NAME`; the path of an `.hdr`, an `.exr` or a `.ktx2`; six files as one of them
+/// (`sky_px.hdr`), as a pattern (`sky_%s.hdr`) or as their folder. A cube becomes a panorama as [`mod@super::from_cube`] says.
 ///
-/// **Errors**: a file that cannot be read, is not a panorama, or holds values that the policies refuse.
-pub fn load(input: &str, nonfinite: NonFinite, negatives: Negatives) -> Result<(Panorama, InputReport)> {
+/// **Errors**: a file that cannot be read, is no environment, is not of the layout asked for, or holds values that the policies
+/// refuse; a cube with faces missing or unequal.
+pub fn load(input: &str, reading: &Reading) -> Result<(Panorama, InputReport)> {
+    let policy = Policy { nonfinite: reading.nonfinite, negatives: reading.negatives, to: reading.to };
     if let Some(name) = input.strip_prefix(BUILTIN_PREFIX) {
-        let panorama = builtin(name, DEFAULT_WIDTH)?;
-        let min = panorama.min().into_iter().fold(f32::INFINITY, f32::min);
-        return Ok((panorama, InputReport { nonfinite: 0, negative: 0, min }));
+        return Raw::of_panorama(&builtin(name, DEFAULT_WIDTH)?).finish(policy);
     }
     let path = Path::new(input);
-    let image = read_image(path)?;
-    Panorama::from_image(&image, nonfinite, negatives).map_err(|e| e.in_file(path))
+    let raw = if path.is_dir() {
+        read_faces(face_files::in_folder(path)?, reading.layout)
+    } else if input.contains(PLACEHOLDER) && !path.exists() {
+        read_faces(face_files::of_pattern(input)?, reading.layout)
+    } else {
+        read_one(path, reading.layout)
+    };
+    raw?.finish(policy).map_err(|e| e.in_file(path))
+}
+
+fn read_one(path: &Path, asked: InputLayout) -> Result<Raw> {
+    let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+    let in_file = |e: Error| e.in_file(path);
+    if FileKind::of(&bytes) == FileKind::Ktx2 {
+        let texture = ktx2::decode(&bytes).map_err(in_file)?;
+        drop(bytes);
+        return Raw::of_texture(&texture, asked).map_err(in_file);
+    }
+    let image = decode_image(&bytes).map_err(in_file)?;
+    drop(bytes);
+    let is_face = image.width == image.height && face_files::is_face(path);
+    if asked == InputLayout::Cube && face_files::is_face(path) || asked == InputLayout::Auto && is_face {
+        return read_faces(face_files::beside(path)?, asked);
+    }
+    Raw::of_image(&image, asked).map_err(in_file)
+}
+
+fn read_faces(paths: [PathBuf; 6], asked: InputLayout) -> Result<Raw> {
+    if !matches!(asked, InputLayout::Auto | InputLayout::Cube) {
+        let problem = Error::usage("six files, where the layout says one picture", "use --input-layout auto or cube");
+        return Err(problem.in_file(&paths[0]));
+    }
+    let read = |path: PathBuf| read_image(&path).map(|image| (path, image));
+    let faces = paths.into_iter().map(read).collect::<Result<Vec<(PathBuf, Image)>>>()?;
+    let faces = <[_; 6]>::try_from(faces).map_err(|_| Error::invalid("not six faces", "give six files"))?;
+    Raw::of_faces(&faces)
 }

@@ -4,7 +4,7 @@
 //! around it (the median on a ring from 5° to 15°). What it holds above its surroundings is the light; the region is left with the
 //! mean of the texels around it. Light that the lens or a resampling scattered further stays in the map.
 
-use super::panorama::{Panorama, luminance};
+use super::panorama::Panorama;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -17,7 +17,9 @@ pub struct Sun {
     pub direction: [f64; 3],
     /// Irradiance of a surface that faces it, per channel, ∫ (L − surroundings) dω in the units of the map × sr.
     pub irradiance: [f64; 3],
-    /// The same as a colour: divided by its largest channel.
+    /// The same as the eye weighs it, in the map's units × sr: lux, where these are cd/m².
+    pub luminance: f64,
+    /// The irradiance as a colour: divided by its largest channel.
     pub colour: [f64; 3],
     /// Angular diameter of the uniform disc that has the same solid angle, in degrees.
     pub angular_diameter: f64,
@@ -56,20 +58,21 @@ pub fn extract(panorama: &Panorama) -> Option<(Sun, Panorama)> {
         for c in 0..3 {
             irradiance[c] += omega * lost[c];
         }
-        let light = luminance(lost).max(0.0); // a dark texel inside the region must not pull the direction away
+        let light = panorama.luminance(lost).max(0.0); // a dark texel inside the region must not pull the direction away
         squares += omega * light * light;
         weight += omega * light;
         towards += omega * light * panorama.texel_box(column, row).middle();
     }
     let solid_angle = weight * weight / squares;
     let largest = irradiance.iter().copied().fold(0.0, f64::max);
-    let share = luminance(irradiance) / (4.0 * PI * luminance(panorama.mean()));
+    let share = panorama.luminance(irradiance) / (4.0 * PI * panorama.luminance(panorama.mean()));
     if region.solid_angle > LARGEST || share < SMALLEST_SHARE || !share.is_finite() {
         return None;
     }
     let sun = Sun {
         direction: towards.normalize().to_array(),
         irradiance,
+        luminance: panorama.luminance(irradiance),
         colour: irradiance.map(|v| v / largest),
         angular_diameter: 2.0 * (1.0 - solid_angle / (2.0 * PI)).acos().to_degrees(),
         solid_angle,
@@ -94,7 +97,7 @@ impl Region {
         }
         // Black surroundings would let the threshold fall to nothing.
         let threshold = (peak * sky.max(peak * 1e-6)).sqrt();
-        let bright = |index: usize| luminance(panorama.texels()[index].map(f64::from)) > threshold;
+        let bright = |index: usize| panorama.luminance(panorama.texels()[index].map(f64::from)) > threshold;
         let start = row * panorama.width() + column;
         let mut region = Self { texels: vec![start], solid_angle: 0.0 };
         let mut seen = vec![false; panorama.texels().len()];
@@ -158,7 +161,7 @@ fn sky_around(panorama: &Panorama, centre: DVec3) -> Option<f64> {
         for column in 0..panorama.width() {
             let cosine = panorama.texel_box(column, row).middle().dot(centre);
             if (far..=near).contains(&cosine) {
-                found.push(luminance(panorama.row(row)[column].map(f64::from)));
+                found.push(panorama.luminance(panorama.row(row)[column].map(f64::from)));
             }
         }
     }

@@ -4,6 +4,7 @@
 //!   holds), metadata as text attributes. The same image gives the same bytes, for any number of threads.
 //! - **Read**: the first part, its largest level, f16 and f32 channels in any compression; text attributes as metadata,
 //!   sorted by key.
+//! - **Colour**: the attribute `chromaticities`, read and written where the image has primaries.
 //! - **Windows**: the picture is the display window. What the data window leaves of it is black, as OpenEXR defines it; what
 //!   lies outside (overscan) is dropped. Windows that do not meet are refused.
 //! - **Refused**: deep data, u32 channels, subsampled channels (luminance and chroma); sizes that the length of the file
@@ -21,7 +22,7 @@ use super::Image;
 use crate::error::{Error, Result};
 use crate::pack::{Number, PackReport};
 use ::exr::block::UncompressedBlock;
-use ::exr::meta::attribute::{self, AttributeValue, ChannelDescription, LineOrder, SampleType, Text};
+use ::exr::meta::attribute::{self, AttributeValue, ChannelDescription, Chromaticities, LineOrder, SampleType, Text};
 use ::exr::meta::header::{Header, standard_names};
 use ::exr::meta::{BlockDescription, MetaData, Requirements, magic_number};
 use ::exr::prelude::Compression;
@@ -110,6 +111,10 @@ fn header<T>(image: &Image<T>, number: Number, order: &[usize]) -> Header {
         LineOrder::Increasing,
     );
     header.own_attributes.layer_name = None; // a single part needs none
+    header.shared_attributes.chromaticities = image.primaries.map(|primaries| {
+        let [red, green, blue, white] = primaries.chromaticities().map(|[x, y]| ::exr::math::Vec2(x as f32, y as f32));
+        Chromaticities { red, green, blue, white }
+    });
     header
 }
 

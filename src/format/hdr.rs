@@ -2,6 +2,7 @@
 //!
 //! - **Values**: mantissa · 2^(e − 136), exactly; exponent 0 is black. Then divided by the header's EXPOSURE and COLORCORR
 //!   (all of them multiplied together), by which the pixels had been multiplied, in f64, and rounded to f32.
+//! - **Colour**: the line `PRIMARIES=` holds x and y of red, green, blue and white; without it, or with zeros, nothing is said.
 //! - **Orientation**: all eight, brought to row 0 at the top and columns to the right.
 //! - **Refused**: XYZE colour; sizes that the length of the file cannot hold, before anything is allocated for them.
 //!
@@ -12,7 +13,8 @@
 //! **Source**: Ward, "Real Pixels", Graphics Gems II (1991), for the pixel format; the keys and the order of the axes are
 //! those of the Radiance file format.
 
-use super::Image;
+use super::{Image, memory};
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
 
 /// What every Radiance picture begins with; `RADIANCE` follows, or `RGBE` in old ones.
@@ -67,6 +69,7 @@ struct Header {
     /// Whether the scanlines, and the pixels in one, run against the image's rows and columns.
     reversed: [bool; 2],
     metadata: Vec<(String, String)>,
+    primaries: Option<Primaries>,
 }
 
 impl Header {
@@ -85,7 +88,7 @@ impl Header {
         if !signature.as_bytes().starts_with(MAGIC) {
             return Err(Error::invalid("no `#?RADIANCE` at the beginning", "give a Radiance HDR file"));
         }
-        let (mut exposure, mut metadata) = ([1.0; 3], Vec::new());
+        let (mut exposure, mut metadata, mut primaries) = ([1.0; 3], Vec::new(), None);
         loop {
             let line = next_line()?;
             if line.is_empty() {
@@ -97,6 +100,7 @@ impl Header {
             let (key, value) = (key.trim(), value.trim());
             match key {
                 "FORMAT" => check_format(value)?,
+                "PRIMARIES" => primaries = parse_primaries(value)?,
                 "EXPOSURE" => multiply(&mut exposure, key, value, [value; 3])?,
                 "COLORCORR" => {
                     let parts: Vec<&str> = value.split_whitespace().collect();
@@ -110,7 +114,7 @@ impl Header {
             metadata.push((key.to_owned(), value.to_owned()));
         }
         let (size, transposed, reversed) = parse_resolution(&next_line()?)?;
-        Ok((Self { exposure, size, transposed, reversed, metadata }, rest))
+        Ok((Self { exposure, size, transposed, reversed, metadata, primaries }, rest))
     }
 
     fn check_size(&self, n_bytes: usize) -> Result<()> {
@@ -122,7 +126,9 @@ impl Header {
                 "the file is damaged; copy or download it again",
             ));
         }
-        Ok(())
+        // As pixels, and once more turned upright.
+        let room = u128::from(scanlines) * u128::from(length) * 24;
+        memory::check_room(room, &format!("a Radiance HDR of {length} × {scanlines} pixels"))
     }
 
     /// The image whose scanlines are `rows`, row 0 at the top.
@@ -140,8 +146,20 @@ impl Header {
             }
         }
         let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
-        Image { width, height, channels, texels, metadata: self.metadata }
+        Image { width, height, channels, texels, metadata: self.metadata, primaries: self.primaries }
     }
+}
+
+/// The last of several lines counts: each program that converts colours adds its own.
+fn parse_primaries(value: &str) -> Result<Option<Primaries>> {
+    let numbers: Vec<f64> = value.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    let &[rx, ry, gx, gy, bx, by, wx, wy] = &numbers[..] else {
+        return Err(Error::invalid(
+            format!("header line `PRIMARIES={}`, where eight numbers are wanted", value.escape_debug()),
+            "correct the line or delete it, which means Rec. 709",
+        ));
+    };
+    Primaries::stated([[rx, ry], [gx, gy], [bx, by], [wx, wy]])
 }
 
 fn check_format(value: &str) -> Result<()> {

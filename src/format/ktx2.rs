@@ -1,18 +1,22 @@
 //! KTX 2.0 (`.ktx2`): two- and three-dimensional textures and cube maps of float texels, with any number of mips.
 //!
 //! - **Written**: uncompressed levels, smallest first in the file and largest first in its index, each aligned to
-//!   lcm(texel size, 4); a basic data format descriptor (RGBSDA, linear, BT.709, straight alpha, signed floats); the pair
+//!   lcm(texel size, 4); a basic data format descriptor (RGBSDA, linear, straight alpha, signed floats); the pair
 //!   `KTXwriter` always, and metadata as NUL-terminated UTF-8, all sorted by key.
+//! - **Colour**: the descriptor names the primaries; those that it has no name for stand under the key `kiln.primaries`, x and y of
+//!   red, green, blue and white.
 //! - **Read**: the same. Supercompression, other formats and arrays are refused; sizes are checked against the
 //!   length of the file before anything is allocated for them.
 //!
 //! **Source**: Khronos, *KTX File Format Specification* 2.0 and *Data Format Specification* 1.4, basic descriptor block; the
 //! `ktx2` crate lays out the header and the descriptor.
 
+mod primaries;
 mod read;
 
 pub use read::decode;
 
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
 use crate::pack::{Number, PackReport, TexelFormat};
 use ::ktx2::dfd::{Basic, Block};
@@ -44,6 +48,8 @@ pub struct Texture {
     pub levels: Vec<Vec<u8>>,
     /// Key/value pairs, sorted by key in the file. `KTXwriter` is set by [`encode`], whatever stands here.
     pub metadata: Vec<(String, String)>,
+    /// What red, green and blue are; Rec. 709 where a file does not say.
+    pub primaries: Primaries,
 }
 
 impl Texture {
@@ -59,7 +65,16 @@ impl Texture {
         values: &[T],
     ) -> Result<(Self, PackReport)> {
         let (level, report) = format.number.pack(values);
-        let texture = Self { format, width, height, depth: 0, faces: 1, levels: vec![level], metadata: Vec::new() };
+        let texture = Self {
+            format,
+            width,
+            height,
+            depth: 0,
+            faces: 1,
+            levels: vec![level],
+            metadata: Vec::new(),
+            primaries: Primaries::REC709,
+        };
         texture.check()?;
         Ok((texture, report))
     }
@@ -75,7 +90,16 @@ impl Texture {
         values: &[T],
     ) -> Result<(Self, PackReport)> {
         let (level, report) = format.number.pack(values);
-        let texture = Self { format, width, height, depth, faces: 1, levels: vec![level], metadata: Vec::new() };
+        let texture = Self {
+            format,
+            width,
+            height,
+            depth,
+            faces: 1,
+            levels: vec![level],
+            metadata: Vec::new(),
+            primaries: Primaries::REC709,
+        };
         texture.check()?;
         Ok((texture, report))
     }
@@ -152,8 +176,11 @@ impl Texture {
 /// values with a NUL in them; more than 4 GiB of metadata.
 pub fn encode(texture: &Texture) -> Result<Vec<u8>> {
     texture.check()?;
-    let (descriptor, type_size) = descriptor(texture.format)?;
-    let key_values = key_values(&texture.metadata)?;
+    let (descriptor, type_size) = descriptor(texture.format, texture.primaries)?;
+    let mut metadata: Vec<(String, String)> =
+        texture.metadata.iter().filter(|(key, _)| key != primaries::KEY).cloned().collect();
+    metadata.extend(primaries::pair(texture.primaries));
+    let key_values = key_values(&metadata)?;
     // Header, level index, descriptor, key/values, then the levels.
     let descriptor_at = Header::LENGTH + LevelIndex::LENGTH * texture.levels.len();
     let key_values_at = descriptor_at + descriptor.len();
@@ -191,10 +218,11 @@ pub fn encode(texture: &Texture) -> Result<Vec<u8>> {
 }
 
 /// The data format descriptor, its total length before it, and the size of one number.
-fn descriptor(format: TexelFormat) -> Result<(Vec<u8>, u32)> {
-    let (basic, type_size) = Basic::from_format(vk_format(format)).map_err(|error| {
+fn descriptor(format: TexelFormat, primaries: Primaries) -> Result<(Vec<u8>, u32)> {
+    let (mut basic, type_size) = Basic::from_format(vk_format(format)).map_err(|error| {
         Error::unsupported(format!("KTX2 cannot describe the texel format {format}: {error:?}"), "use another format")
     })?;
+    basic.color_primaries = primaries::name(primaries);
     let block = Block::Basic(basic).to_vec();
     let total = to_u32(block.len() + 4)?;
     Ok(([&total.to_le_bytes()[..], &block].concat(), type_size))
@@ -267,7 +295,7 @@ mod tests {
         let format = "rg16f".parse().unwrap();
         let levels = [4_usize, 2, 1].map(|size| (0..6 * size * size * 4).map(|i| i as u8).collect()).to_vec();
         let metadata = vec![("b".into(), "β".into()), ("a".into(), String::new())];
-        Texture { format, width: 4, height: 4, depth: 0, faces: 6, levels, metadata }
+        Texture { format, width: 4, height: 4, depth: 0, faces: 6, levels, metadata, primaries: Primaries::ACESCG }
     }
 
     #[test]
@@ -286,8 +314,16 @@ mod tests {
         let values: Vec<f32> = (0..24).map(|i| i as f32).collect();
         let (level0, _) = Number::F32.pack(&values);
         let (level1, _) = Number::F32.pack(&values[..6]);
-        let texture =
-            Texture { format, width: 2, height: 2, depth: 0, faces: 6, levels: vec![level0, level1], metadata: vec![] };
+        let texture = Texture {
+            format,
+            width: 2,
+            height: 2,
+            depth: 0,
+            faces: 6,
+            levels: vec![level0, level1],
+            metadata: vec![],
+            primaries: Primaries::REC709,
+        };
         assert_eq!(texture.face(0, 5).unwrap(), [20.0, 21.0, 22.0, 23.0]);
         assert_eq!(texture.face(1, 2).unwrap(), [2.0]);
         assert_eq!((texture.face(1, 6), texture.face(2, 0)), (None, None));
@@ -309,7 +345,16 @@ mod tests {
     fn levels_are_aligned_and_the_smallest_comes_first() {
         for format in TexelFormat::ALL {
             let levels = [(5, 3), (2, 1), (1, 1)].map(|(w, h)| vec![0; w * h * format.bytes()]).to_vec();
-            let texture = Texture { format, width: 5, height: 3, depth: 0, faces: 1, levels, metadata: vec![] };
+            let texture = Texture {
+                format,
+                width: 5,
+                height: 3,
+                depth: 0,
+                faces: 1,
+                levels,
+                metadata: vec![],
+                primaries: Primaries::REC709,
+            };
             let file = encode(&texture).unwrap();
             let reader = ::ktx2::Reader::new(&file).unwrap();
             let offsets: Vec<usize> =

@@ -7,11 +7,13 @@ pub mod exr;
 pub mod hdr;
 mod kind;
 pub mod ktx2;
+pub(crate) mod memory;
 mod spec;
 
 pub use kind::FileKind;
 pub use spec::{Container, FormatSpec};
 
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -30,6 +32,8 @@ pub struct Image<T = f32> {
     pub texels: Vec<T>,
     /// Key/value pairs that the container carries (text attributes); those of an EXR come sorted by key.
     pub metadata: Vec<(String, String)>,
+    /// What red, green and blue are, where the file says it: an EXR's `chromaticities`, a Radiance HDR's `PRIMARIES`.
+    pub primaries: Option<Primaries>,
 }
 
 impl<T: Copy> Image<T> {
@@ -40,7 +44,7 @@ impl<T: Copy> Image<T> {
     /// **Errors**: a size or a number of channels that is zero, or another number of texels than they make.
     pub fn new(width: usize, height: usize, channels: &[&str], texels: Vec<T>) -> Result<Self> {
         let channels = channels.iter().map(|&name| name.to_owned()).collect();
-        let image = Self { width, height, channels, texels, metadata: Vec::new() };
+        let image = Self { width, height, channels, texels, metadata: Vec::new(), primaries: None };
         image.check_shape()?;
         Ok(image)
     }

@@ -32,7 +32,9 @@ pub(super) fn verify(
             };
             let judged =
                 EnvironmentValues { levels: &levels, ulp: ulp(format.number), largest: largest(format.number) };
-            report.checks.extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative > 0)));
+            report
+                .checks
+                .extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
             if let Some(panorama) = &panorama {
                 // Other texels than those that the bake looked at.
                 let seed = recipe.integration.seed.wrapping_add(0x5EED);

@@ -50,7 +50,16 @@ pub fn cube(format: TexelFormat, size: usize) -> Texture {
         })
         .collect();
     let metadata = vec![("kiln.recipe".into(), "{}".into()), ("author".into(), "β".into())];
-    Texture { format, width: size, height: size, depth: 0, faces: 6, levels, metadata }
+    Texture {
+        format,
+        width: size,
+        height: size,
+        depth: 0,
+        faces: 6,
+        levels,
+        metadata,
+        primaries: kiln::colour::Primaries::REC709,
+    }
 }
 
 /// A Radiance picture: 16 × 4, run lengths in every second row, the others flat.

@@ -2,8 +2,9 @@
 
 use super::contain::contained;
 use super::to_native;
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
-use crate::format::Image;
+use crate::format::{Image, memory};
 use crate::pack::Number;
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
@@ -41,6 +42,9 @@ fn decode_uncontained(bytes: &[u8]) -> Result<Image> {
         .map_err(translate)?;
     let n_blocks = chunks.len();
     let mut seen = HashSet::new();
+    let room = (view.width as u128) * (view.height as u128) * (4 * numbers.len() as u128);
+    let size = format!("an OpenEXR of {} × {} texels and {} channels", view.width, view.height, numbers.len());
+    memory::check_room(room, &size)?;
     let mut texels = vec![0.0; view.width * view.height * numbers.len()];
     loop {
         let batch: Vec<Chunk> =
@@ -65,6 +69,7 @@ fn decode_uncontained(bytes: &[u8]) -> Result<Image> {
         channels: header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect(),
         texels,
         metadata: metadata(&header),
+        primaries: primaries(&header)?,
     })
 }
 
@@ -245,6 +250,13 @@ fn value(number: Number, sample: &[u8]) -> f32 {
         (Number::F32, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]),
         _ => f32::NAN, // cannot be: samples are cut to the number's size
     }
+}
+
+/// What the file says that its red, green and blue are.
+fn primaries(header: &Header) -> Result<Option<Primaries>> {
+    let xy = |v: ::exr::math::Vec2<f32>| [f64::from(v.x()), f64::from(v.y())];
+    let said = header.shared_attributes.chromaticities;
+    said.map_or(Ok(None), |c| Primaries::stated([xy(c.red), xy(c.green), xy(c.blue), xy(c.white)]))
 }
 
 /// The text attributes, but those that name the part.

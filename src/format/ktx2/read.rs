@@ -1,11 +1,12 @@
 //! Reading KTX2; what is read and what refused stands at the head of the parent module.
 
-use super::{MAGIC, Texture, vk_format};
+use super::{MAGIC, Texture, primaries::primaries, vk_format};
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
 use crate::pack::TexelFormat;
 use ::ktx2::{Header, LevelIndex};
 
-const DAMAGED: &str = "the file is damaged; copy or download it again";
+pub(super) const DAMAGED: &str = "the file is damaged; copy or download it again";
 
 /// The texture in `bytes`. Values of metadata that are not UTF-8 come as `0x` and hexadecimal digits.
 ///
@@ -22,7 +23,9 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
         faces: header.face_count as usize,
         levels: Vec::new(),
         metadata: metadata(&header, bytes)?,
+        primaries: Primaries::REC709,
     };
+    texture.primaries = primaries(&header, bytes, &mut texture.metadata)?;
     let index = bytes[Header::LENGTH..].chunks_exact(LevelIndex::LENGTH).take(n_levels);
     if index.len() < n_levels {
         return Err(Error::invalid(format!("the KTX2 ends within the index of its {n_levels} levels"), DAMAGED));
@@ -125,7 +128,7 @@ fn text(value: &[u8]) -> String {
 }
 
 /// `length` bytes from `offset` on, if they are all there.
-fn section(bytes: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
+pub(super) fn section(bytes: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
     let start = usize::try_from(offset).ok()?;
     bytes.get(start..start.checked_add(usize::try_from(length).ok()?)?)
 }

@@ -1,0 +1,161 @@
+//! Where the edges of a cube map's texels cross the texels of a panorama: what both directions of exact resampling share
+//! ([`super::area_average`] and [`super::from_cube`]).
+//!
+//! A cube texel's edges are great circles, on which y = a cos ψ / √(b² + a² cos² ψ), ψ = φ − φ₀: where they cross the rows
+//! and columns of a panorama, and ∫ y dψ in between, are closed forms.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use super::cube::edge;
+
+/// Azimuth of the middle of each face beside the equator, in storage order (the faces at the poles have none).
+pub(super) const CENTRES: [f64; 6] = [0.0, PI, 0.0, 0.0, FRAC_PI_2, -FRAC_PI_2];
+
+/// Rows that the face at a pole reaches into, its corners being 54.7° away from it.
+pub(super) fn cap_rows(height: usize) -> usize {
+    let rows = (height as f64 * (1.0 / 3f64.sqrt()).acos() / PI) as usize + 2;
+    rows.min(height)
+}
+
+/// A great circle that is no meridian: tan(elevation) = (a / b) cos(φ − centre), b > 0.
+pub(super) struct Circle {
+    pub a: f64,
+    pub b: f64,
+    pub centre: f64,
+}
+
+/// The circle of the line at distance `t` from the middle of the +Y face, running along v (or along u), and the sign with
+/// which φ runs along it; through the middle it is a meridian, and none.
+pub(super) fn top_circle(t: f64, along_v: bool) -> Option<(Circle, f64)> {
+    let (centres, turn) = if along_v { ([0.0, PI], 1.0) } else { ([FRAC_PI_2, -FRAC_PI_2], -1.0) };
+    match t {
+        0.0 => None,
+        _ if t > 0.0 => Some((Circle { a: 1.0, b: t, centre: centres[0] }, turn)),
+        _ => Some((Circle { a: 1.0, b: -t, centre: centres[1] }, -turn)),
+    }
+}
+
+impl Circle {
+    /// ∫₀^s y dψ, and y at s.
+    fn height_integral(&self, s: f64) -> (f64, f64) {
+        let (sin, cos) = s.sin_cos();
+        let norm = (self.b * self.b + self.a * self.a * cos * cos).sqrt();
+        ((self.a * sin).atan2(norm), self.a * cos / norm)
+    }
+}
+
+/// What one panorama texel holds of an arc.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Part {
+    pub column: usize,
+    pub row: usize,
+    /// ∫ dφ, signed.
+    pub length: f64,
+    /// ∫ (y_top − y) dφ in parts of the row's height, signed: how much of the texel lies between the arc and its upper edge.
+    pub depth: f64,
+}
+
+/// Rows and columns of a panorama, counted from a pole.
+pub(super) struct Grid {
+    width: usize,
+    rows: usize,
+    /// y of the edges between rows, measured towards the pole.
+    y: Vec<f64>,
+    /// tan(elevation) of the same edges.
+    slope: Vec<f64>,
+    /// Rows of the panorama that `rows` counts a part of.
+    height: usize,
+}
+
+impl Grid {
+    /// The first `rows` rows of a panorama of that many columns; `row_edges` mirror each other, so that the grid serves
+    /// both poles.
+    pub(super) fn new(width: usize, row_edges: &[f64], rows: usize) -> Self {
+        let y = row_edges[..=rows].to_vec();
+        let slope = y.iter().map(|y| y / (1.0 - y * y).sqrt()).collect();
+        Self { width, rows, y, slope, height: row_edges.len() - 1 }
+    }
+
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Height of a row in y.
+    pub(super) fn row_height(&self, row: usize) -> f64 {
+        self.y[row] - self.y[row + 1]
+    }
+
+    /// Walks along the `size` pieces of a grid line, ψ = turn · atan(t / b), t from −1 to 1: every texel that each of them
+    /// crosses.
+    pub(super) fn along_line(&self, circle: &Circle, turn: f64, size: usize, mut visit: impl FnMut(usize, Part)) {
+        let angle = |t: f64| (t.abs() / circle.b).atan();
+        for i in 0..size {
+            let (t0, t1) = (edge(size, i), edge(size, i + 1));
+            // Split where the circle is highest; each part is walked away from there, and counted as t grows.
+            if t0 < 0.0 {
+                self.walk(circle, -turn, [angle(t1.min(0.0)), angle(t0)], turn, |part| visit(i, part));
+            }
+            if t1 > 0.0 {
+                self.walk(circle, turn, [angle(t0.max(0.0)), angle(t1)], turn, |part| visit(i, part));
+            }
+        }
+    }
+
+    /// The texels along the arc φ = centre + side · s, s from `from` to `to`, both ≥ 0, lengths multiplied by `sign`.
+    fn walk(&self, circle: &Circle, side: f64, [from, to]: [f64; 2], sign: f64, mut visit: impl FnMut(Part)) {
+        let column_position = (circle.centre + side * from + PI) / TAU * self.width as f64;
+        let mut column = if side > 0.0 { column_position.floor() } else { column_position.ceil() - 1.0 };
+        let (mut area, y) = circle.height_integral(from);
+        let mut row = self.row_at(y);
+        let mut s = from;
+        let mut next_column = self.column_crossing(circle, side, column);
+        let mut next_row = self.row_crossing(circle, row);
+        while s < to {
+            let end = next_column.min(next_row).min(to).max(s);
+            let area_end = circle.height_integral(end).0;
+            // P = P at the row's upper edge × length + L × ∫ (y_edge − y).
+            let length = end - s;
+            let depth = (self.y[row] * length - (area_end - area)) / self.row_height(row);
+            let column_index = (column as i64).rem_euclid(self.width as i64) as usize;
+            visit(Part { column: column_index, row, length: sign * length, depth: sign * depth });
+            (s, area) = (end, area_end);
+            if end == to {
+                break;
+            }
+            if next_column <= next_row {
+                column += side;
+                next_column = self.column_crossing(circle, side, column);
+            } else {
+                row = if circle.a > 0.0 { row + 1 } else { row - 1 };
+                next_row = self.row_crossing(circle, row);
+            }
+        }
+    }
+
+    /// The row that holds a height, clamped to the rows there are (rounding may put an end point just outside).
+    fn row_at(&self, y: f64) -> usize {
+        let theta = (1.0 - y * y).max(0.0).sqrt().atan2(y);
+        ((theta / PI * self.height as f64) as usize).min(self.rows - 1)
+    }
+
+    /// Where, going outwards, the arc leaves a column.
+    fn column_crossing(&self, circle: &Circle, side: f64, column: f64) -> f64 {
+        let edge = if side > 0.0 { column + 1.0 } else { column };
+        side * (TAU * edge / self.width as f64 - PI - circle.centre)
+    }
+
+    /// Where, going outwards and so towards the equator, the arc leaves a row; infinity if it does not.
+    fn row_crossing(&self, circle: &Circle, row: usize) -> f64 {
+        let edge = if circle.a > 0.0 { row + 1 } else { row };
+        if circle.a == 0.0 || edge == 0 || edge >= self.rows {
+            return f64::INFINITY;
+        }
+        // Above one, rounding has put the arc's highest point in the row beyond: it leaves that at once.
+        let cos = (circle.b * self.slope[edge] / circle.a).min(1.0);
+        if cos > 0.0 { cos.acos() } else { f64::INFINITY }
+    }
+}
