@@ -23,7 +23,7 @@ impl Rule {
         self.iter().map(|(x, w)| w * f(x)).sum()
     }
 
-    /// Σ w p(x) and Σ w p(x) f(x) of a density p and `K` functions f: [`LANES`] sums side by side, which processors compute together
+    /// Σ w p(x) and Σ w p(x) f(x) of a density p and `K` functions f: four sums side by side, which processors compute together
     /// where there are no branches.
     pub fn moments<const K: usize>(&self, density_and_functions: impl Fn(f64) -> (f64, [f64; K])) -> (f64, [f64; K]) {
         let (mut whole, mut sums) = ([0.0; LANES], [[0.0; LANES]; K]);

@@ -1,9 +1,9 @@
 //! The zonal filter: a panorama convolved with a kernel of R·l alone, by spherical harmonics, straight from its texels.
 //!
 //! By Funk and Hecke's theorem such a convolution multiplies the coefficients of degree l by one number λ_l. Texels become
-//! coefficients ([`analysis`]), once for all kernels; λ_l ([`eigenvalues`]) times coefficients become values on a grid of rings, and
-//! interpolation between rings answers for any direction ([`synthesis`]), so no layout has seams. How many degrees a kernel
-//! takes follows from the darkest output ([`plan`]). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
+//! coefficients (`analysis`), once for all kernels; λ_l (`eigenvalues`) times coefficients become values on a grid of rings, and
+//! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
+//! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
 //! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
 //! constant stays what it is. Kernels too narrow for harmonics are summed over the texels ([`FullSum`]).
 
