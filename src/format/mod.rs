@@ -4,12 +4,15 @@
 
 pub mod atomic;
 pub mod exr;
+pub mod grid;
 pub mod hdr;
 mod kind;
 pub mod ktx2;
+pub mod literals;
 pub(crate) mod memory;
 mod spec;
 
+pub use grid::Grid;
 pub use kind::FileKind;
 pub use spec::{Container, FormatSpec};
 
