@@ -139,7 +139,7 @@ pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
     let varying: Vec<usize> = (0..data.len()).filter(|&c| data[c].is_some()).collect();
     let channels: Vec<Data> = data.iter().flatten().cloned().collect();
     let mut ranked = rank(&channels, sizes.len(), options)?;
-    share_axes(&mut ranked, &channels);
+    share_axes(&mut ranked, &channels, options);
     explain::explain(grid, &varying, &channels, ranked)
 }
 
@@ -270,7 +270,7 @@ const SHARED_IS_AS_GOOD: f64 = 1.5;
 
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well.
-fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data]) {
+fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) {
     let relative = |c: usize, r: &Ranked| (r.trimmed + channels[c].rounding) / channels[c].spread;
     let surest = (0..ranked.len())
         .filter_map(|c| Some((c, relative(c, ranked[c].first()?))))
@@ -284,7 +284,7 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data]) {
         }
         let data = &channels[c];
         let choice = search::fine(&data.sizes);
-        let Ok(masters) = masters::load(anchor.master.definition.nodes.len(), true) else { continue };
+        let Ok(masters) = masters::load(anchor.master.definition.nodes.len(), options.cache) else { continue };
         let mut shared: Vec<(Hypothesis, f64)> = vec![];
         for master in masters {
             // Only masters over the same parameters can share axes.
