@@ -1,8 +1,8 @@
 //! A table as numbers on a grid, whoever wrote it and in whatever file: what judging and recognising it need, and no more.
 
-use super::{FileKind, Image, exr, hdr, ktx2, literals};
+use super::{Array, Decoded, FileKind, Image, Texture, decode, literals};
 use crate::error::{Error, Result};
-use crate::pack::{Number, binary16};
+use crate::pack::{Number, TexelFormat, binary16};
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
@@ -21,10 +21,8 @@ pub enum Stored {
     Unorm(u32),
     /// Decimals with so many places after the point.
     Decimal(u32),
-    /// A mantissa of eight bits and an exponent that a texel's channels share (Radiance HDR).
-    Rgbe,
-    /// Eight bits for each of the value and what it is divided by (RGBD).
-    Rgbd,
+    /// A channel of a texel format whose channels are rounded together, or unlike each other.
+    Packed(TexelFormat, usize),
 }
 
 /// Values that must be there before their all being multiples of 1/255 proves anything.
@@ -41,10 +39,11 @@ impl Stored {
             Self::F64 => f64::EPSILON * value.abs(),
             Self::Unorm(bits) => 1.0 / ((1_u64 << bits.min(52)) - 1) as f64,
             Self::Decimal(places) => 10_f64.powi(-(places as i32)),
-            // The mantissa of the largest channel has eight bits; a smaller one has fewer, which the value alone does not tell.
-            Self::Rgbe => (value.abs().max(1e-38).log2().floor() - 7.0).exp2(),
-            // D is at most 1: the colour is at least as fine as a byte.
-            Self::Rgbd => 1.0 / 255.0,
+            // How bright a texel's other channels are, the value alone does not tell: this is the least that a step can be. BC6H
+            // promises none; seven bits are what its endpoints have at least.
+            Self::Packed(format, channel) => {
+                format.step(channel, value, value.abs()).unwrap_or_else(|| value.abs().max(1e-6) / 128.0)
+            }
         }
     }
 
@@ -60,7 +59,7 @@ impl Stored {
                 let step = self.step(value);
                 (value.clamp(0.0, 1.0) / step).round() * step
             }
-            Self::Decimal(_) | Self::Rgbe | Self::Rgbd => {
+            Self::Decimal(_) | Self::Packed(..) => {
                 let step = self.step(value);
                 (value / step).round() * step
             }
@@ -83,8 +82,21 @@ impl Stored {
         if places >= 9 { Self::F32 } else { Self::Decimal(places) }
     }
 
+    /// A number on its own.
+    fn of_number(number: Number) -> Self {
+        match number {
+            Number::F16 => Self::F16,
+            Number::F32 => Self::F32,
+            Number::Unorm8 => Self::Unorm(8),
+            Number::Unorm16 => Self::Unorm(16),
+        }
+    }
+
     /// What floats really are: bytes or words where every one is a multiple of 1/255 or 1/65535, halves where every one is a half.
     fn of_floats(values: &[f64], container: Self) -> Self {
+        if matches!(container, Self::Unorm(_)) {
+            return container;
+        }
         let finite = || values.iter().copied().filter(|v| v.is_finite());
         for bits in [8, 16] {
             let stored = Self::Unorm(bits);
@@ -115,8 +127,7 @@ impl fmt::Display for Stored {
             Self::F64 => f.write_str("doubles"),
             Self::Unorm(bits) => write!(f, "{bits} bits"),
             Self::Decimal(places) => write!(f, "decimals with {places} places"),
-            Self::Rgbe => f.write_str("RGBE"),
-            Self::Rgbd => f.write_str("RGBD"),
+            Self::Packed(format, _) => write!(f, "{format}"),
         }
     }
 }
@@ -294,11 +305,14 @@ impl Grid {
     /// **Errors**: as [`Grid::read`].
     pub fn decode(bytes: &[u8], described: &Described) -> Result<Self> {
         let grid = match FileKind::of(bytes) {
-            FileKind::Exr => Self::of_image(&exr::decode(bytes)?, "EXR", Stored::F32),
-            FileKind::Hdr => Self::of_image(&hdr::decode(bytes)?, "Radiance HDR", Stored::Rgbe),
-            FileKind::Ktx2 => Self::of_texture(&ktx2::decode(bytes)?),
-            FileKind::Empty => Err(Error::invalid("an empty file", "copy or download it again")),
             FileKind::Other(kind) => Self::of_other(bytes, kind, described),
+            // Kiln's own source text is text all the same, if an array of it is asked for.
+            FileKind::Source if described.array.is_some() => Self::of_other(bytes, "a text file", described),
+            kind => match decode(bytes)? {
+                Decoded::Picture(image, format) => Self::of_image(&image, kind.text(), format),
+                Decoded::Texture(texture) => Self::of_texture(&texture, kind.text()),
+                Decoded::Array(array) => Self::of_numbers(array, kind.text(), described),
+            },
         }?;
         grid.shaped(described.shape)
     }
@@ -329,7 +343,7 @@ impl Grid {
         format!("{} texels of {n} channel{plural}, {} ({})", sizes.join(" × "), kinds.join(" and "), self.source)
     }
 
-    fn of_image(image: &Image, source: &str, container: Stored) -> Result<Self> {
+    fn of_image(image: &Image, source: &str, format: TexelFormat) -> Result<Self> {
         let n = image.channels.len();
         let mut values: Vec<f64> = image.texels.iter().map(|&v| f64::from(v)).collect();
         let (mut names, mut size) = (image.channels.clone(), [image.width, image.height, 1]);
@@ -374,35 +388,51 @@ impl Grid {
         }
         let values = values.chunks_exact(names.len()).flat_map(|t| order.iter().map(|&c| t[c])).collect();
         let names = order.iter().map(|&c| names[c].clone()).collect();
-        Self::of_named(size, names, values, source.to_owned(), container)
+        Self::of_named(size, names, values, source.to_owned(), format)
     }
 
-    fn of_texture(texture: &ktx2::Texture) -> Result<Self> {
+    fn of_texture(texture: &Texture, source: &str) -> Result<Self> {
         if texture.faces != 1 {
             return Err(Error::unsupported(
                 "a cube map, where a table was wanted",
                 "give a two- or three-dimensional texture",
             ));
         }
-        Self::of_level(texture, 0)
+        Self::of_level(texture, 0, source)
     }
 
-    fn of_level(texture: &ktx2::Texture, level: usize) -> Result<Self> {
-        let layers = texture.layers(level);
-        let values: Vec<f64> = (0..layers).filter_map(|z| texture.face(level, z)).flatten().map(f64::from).collect();
-        let container = match texture.format.number {
-            Number::F16 => Stored::F16,
-            Number::F32 => Stored::F32,
-        };
-        let names = letters(texture.format.channels);
+    fn of_level(texture: &Texture, level: usize, source: &str) -> Result<Self> {
+        let values = texture.values(level).into_iter().map(f64::from).collect();
+        let n = texture.format.channels();
+        let names = if texture.channels.len() == n { texture.channels.clone() } else { letters(n) };
         let [width, height] = texture.level_size(level);
-        Self::of_named([width, height, layers], names, values, format!("KTX2, {}", texture.format), container)
+        let size = [width, height, texture.layers(level)];
+        Self::of_named(size, names, values, format!("{source}, {}", texture.format), texture.format)
+    }
+
+    /// An array whose axes are known; the last is that of a texel where the file names its channels, or where it is short.
+    fn of_numbers(array: Array, source: &str, described: &Described) -> Result<Self> {
+        let stored = array.number.map_or(Stored::F64, |number| Stored::of_number(number));
+        let named = (!array.channels.is_empty()).then_some(array.channels);
+        let mut shape = array.shape;
+        if let (Some(names), None) = (&named, described.shape) {
+            // [rows, columns, channels]: sizes before the texel's, the slowest first.
+            if shape.last() == Some(&names.len()) && shape.len() <= 4 {
+                let channels = shape.pop().unwrap_or(1);
+                shape.reverse();
+                shape.resize(3, 1);
+                let shape = Shape { size: [shape[0], shape[1], shape[2]], channels };
+                let grid = Self::of_flat(array.values, stored, shape, false, source.to_owned())?;
+                let channels = grid.channels.iter().zip(names);
+                let channels = channels.map(|(c, name)| GridChannel { name: name.clone(), stored: c.stored }).collect();
+                return Ok(Self { channels, ..grid });
+            }
+        }
+        Self::of_array(literals::Array { name: String::new(), values: array.values, shape, stored }, described)
+            .map(|grid| Self { source: source.to_owned(), ..grid })
     }
 
     fn of_other(bytes: &[u8], kind: &'static str, described: &Described) -> Result<Self> {
-        if kind.starts_with("a PNG") {
-            return Self::of_png(bytes);
-        }
         let looks_like_text = kind == "a text file" || !bytes.iter().take(4096).any(|&b| b == 0);
         if described.number.is_none()
             && (looks_like_text || described.array.is_some())
@@ -413,7 +443,7 @@ impl Grid {
         if kind != "a file of an unknown kind" && described.number.is_none() {
             return Err(Error::unsupported(
                 format!("{kind}, which Kiln does not read"),
-                "give a KTX2, EXR, HDR or PNG file, source text, or the bare numbers with --shape",
+                "give a KTX2, KTX, DDS, EXR, HDR, PNG or NPY file, source text, or the bare numbers with --shape",
             ));
         }
         let Some(shape) = described.shape else {
@@ -437,30 +467,6 @@ impl Grid {
             ));
         }
         Self::of_flat(number.read(bytes), number.stored(), shape, described.planar, "bare numbers".to_owned())
-    }
-
-    fn of_png(bytes: &[u8]) -> Result<Self> {
-        let broken = |e: image::ImageError| Error::invalid(format!("a broken PNG: {e}"), "save it again");
-        let picture = image::load_from_memory_with_format(bytes, image::ImageFormat::Png).map_err(broken)?;
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let n = picture.color().channel_count() as usize;
-        let wide = picture.color().bytes_per_pixel() as usize > n;
-        let values: Vec<f64> = if wide {
-            picture.into_rgba16().pixels().flat_map(|p| p.0.map(|v| f64::from(v) / 65535.0)).collect()
-        } else {
-            picture.into_rgba8().pixels().flat_map(|p| p.0.map(|v| f64::from(v) / 255.0)).collect()
-        };
-        // Grey comes back as three equal channels, and alpha is always there.
-        let kept: &[usize] = match n {
-            1 => &[0],
-            2 => &[0, 3],
-            3 => &[0, 1, 2],
-            _ => &[0, 1, 2, 3],
-        };
-        let values = values.chunks_exact(4).flat_map(|t| kept.iter().map(|&c| t[c])).collect();
-        let stored = Stored::Unorm(if wide { 16 } else { 8 });
-        let source = format!("PNG, {} bits", if wide { 16 } else { 8 });
-        Self::new([width, height, 1], letters(kept.len()), values, source, |_| stored)
     }
 
     fn of_array(array: literals::Array, described: &Described) -> Result<Self> {
@@ -496,7 +502,8 @@ impl Grid {
         let values = if planar { interleaved(&values, shape.channels) } else { values };
         let names = letters(shape.channels);
         if stored == Stored::F32 {
-            return Self::of_named(shape.size, names, values, source, stored);
+            let format = TexelFormat::Plain { channels: shape.channels, number: Number::F32 };
+            return Self::of_named(shape.size, names, values, source, format);
         }
         Self::new(shape.size, names, values, source, |_| stored)
     }
@@ -507,13 +514,16 @@ impl Grid {
         names: Vec<String>,
         values: Vec<f64>,
         source: String,
-        container: Stored,
+        format: TexelFormat,
     ) -> Result<Self> {
         let n = names.len();
         let kinds: Vec<Stored> = (0..n)
             .map(|c| {
                 let channel: Vec<f64> = values.iter().copied().skip(c).step_by(n).collect();
-                if container == Stored::Rgbe { container } else { Stored::of_floats(&channel, container) }
+                match format {
+                    TexelFormat::Plain { number, .. } => Stored::of_floats(&channel, Stored::of_number(number)),
+                    _ => Stored::Packed(format, c),
+                }
             })
             .collect();
         Self::new(size, names, values, source, |c| kinds[c])
@@ -575,11 +585,17 @@ const RGBA: [&str; 4] = ["R", "G", "B", "A"];
 /// **Errors**: as [`Grid::read`].
 pub fn levels(path: &Path, described: &Described) -> Result<Vec<Grid>> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-    if FileKind::of(&bytes) != FileKind::Ktx2 {
-        return Ok(vec![Grid::decode(&bytes, described).map_err(|e| e.in_file(path))?]);
+    match FileKind::of(&bytes) {
+        FileKind::Other(_) | FileKind::Source | FileKind::Npy => {
+            Ok(vec![Grid::decode(&bytes, described).map_err(|e| e.in_file(path))?])
+        }
+        kind => match decode(&bytes).map_err(|e| e.in_file(path))? {
+            Decoded::Texture(texture) => {
+                (0..texture.levels.len()).map(|level| Grid::of_level(&texture, level, kind.text())).collect()
+            }
+            _ => Ok(vec![Grid::decode(&bytes, described).map_err(|e| e.in_file(path))?]),
+        },
     }
-    let texture = ktx2::decode(&bytes).map_err(|e| e.in_file(path))?;
-    (0..texture.levels.len()).map(|level| Grid::of_level(&texture, level)).collect()
 }
 
 fn letters(n: usize) -> Vec<String> {

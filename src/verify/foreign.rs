@@ -4,14 +4,14 @@
 //! [`LEAST_LIMIT`], whichever is more. Errors are those of the decoded quantity: a table stored as y/(1 + y) is judged by y.
 
 use super::{Options, Report};
-use crate::check::{Check, TableValues};
+use crate::check::{Check, Precision, TableValues};
 use crate::claim::{Claim, ClaimedChannel};
 use crate::error::{Error, Result};
 use crate::format::Grid;
 use crate::format::grid::{GridChannel, Stored};
 use crate::identify;
 use crate::integrate::{ErrorKind, Integration, QUADRATURE_TOLERANCE, Settings};
-use crate::pack::Number;
+use crate::pack::{Number, TexelFormat};
 use crate::table::lookup::{LookupError, lookup_errors};
 use crate::table::{Point, TableSpec};
 use serde::Serialize;
@@ -239,7 +239,10 @@ impl Rounded<'_> {
             values: self.values,
             errors: &self.errors,
             kinds: self.kinds,
-            number: self.number,
+            precision: self.number.map_or(Precision::exact(), |number| {
+                let format = TexelFormat::Plain { channels: self.errors.len(), number };
+                Precision::new(format, self.values.iter().copied(), 0.0)
+            }),
         })
     }
 }
