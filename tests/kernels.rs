@@ -289,3 +289,42 @@ fn what_no_kernel_can_do_is_refused_with_a_way_out() {
     assert!(fail(folder.path(), &sheen, 2).contains("--roughness 0.07"));
     assert!(!folder.path().join("out/specular.ktx2").exists());
 }
+
+/// What a direction costs: `cargo test --test kernels -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures time"]
+fn time_of_narrow_kernels() {
+    let panorama = lit([1024, 512], 4, (300, 200));
+    let exact = FullSum::new(&panorama);
+    let directions: Vec<DVec3> = (0..2000)
+        .map(|i| {
+            let (y, phi) = (1.0 - 2.0 * (f64::from(i) + 0.5) / 2000.0, f64::from(i) * 2.4);
+            let r = (1.0 - y * y).sqrt();
+            DVec3::new(r * phi.cos(), y, r * phi.sin())
+        })
+        .collect();
+    for kernel in
+        KernelKind::ALL.into_iter().flat_map(|kind| [1e-4, 1e-3, 3.9e-3, 0.02, 0.25].map(|a| Kernel::of(kind, a)))
+    {
+        if kernel.kind() == KernelKind::Charlie && kernel.alpha() < 4e-3 {
+            continue;
+        }
+        let start = std::time::Instant::now();
+        let kernels = [kernel];
+        let zonal = Zonal::new(&panorama, &kernels, InstructionSet::detect());
+        let function = zonal.function(&kernel);
+        let prepared = start.elapsed();
+        let start = std::time::Instant::now();
+        let sum: f64 = directions.iter().map(|&d| function.at(d)[0]).sum();
+        let each = start.elapsed() / 2000;
+        let start = std::time::Instant::now();
+        let wanted: f64 = directions.iter().take(20).map(|&d| exact.evaluate(d, &kernel)[0]).sum();
+        let full = start.elapsed() / 20;
+        println!(
+            "{} {}: degree {}, prepared in {prepared:?}, {each:?} a direction, full sum {full:?} ({sum:.3}, {wanted:.3})",
+            kernel.kind().name(),
+            kernel.alpha(),
+            function.degree
+        );
+    }
+}
