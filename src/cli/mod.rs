@@ -5,11 +5,13 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod completions;
 mod console;
 mod env;
 mod eval;
 mod info;
 mod list;
+mod man;
 mod show;
 mod table;
 mod verify;
@@ -52,6 +54,8 @@ enum Verb {
     Info(info::Info),
     Show(show::Show),
     List(list::List),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 /// Parses the arguments, does what they say, and reports.
@@ -77,6 +81,8 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
+        Verb::Completions(verb) => verb.run(console),
+        Verb::Man(verb) => verb.run(console),
     }
 }
 

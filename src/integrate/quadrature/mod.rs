@@ -4,6 +4,8 @@ mod beckmann;
 mod charlie;
 mod dielectric;
 mod dielectric_average;
+#[cfg(test)]
+mod evaluations;
 mod ggx;
 
 pub use beckmann::{beckmann_albedo_average, beckmann_reflection};
