@@ -679,9 +679,14 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
 /// The verbs that `kiln --help` lists.
 fn verbs(folder: &Path) -> Vec<String> {
     let help = succeed(folder, &["--help"]).stdout;
-    let listed = help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1).take_while(|line| !line.is_empty());
+    let listed =
+        help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1).take_while(|line| !line.is_empty());
     // A summary that is too long goes on below itself.
-    listed.filter_map(|line| line.strip_prefix("  ").filter(|l| !l.starts_with(' '))?.split(' ').next().map(str::to_owned)).collect()
+    listed
+        .filter_map(|line| {
+            line.strip_prefix("  ").filter(|l| !l.starts_with(' '))?.split(' ').next().map(str::to_owned)
+        })
+        .collect()
 }
 
 #[test]

@@ -82,7 +82,8 @@ fn finest(spec: &TableSpec) -> Vec<(f64, f64)> {
 
 /// The same by the other witness: values and their standard errors.
 fn by_samples(spec: &TableSpec) -> Vec<(f64, f64)> {
-    let settings = Settings { integrator: Integrator::MonteCarlo, samples: Some(1 << 13), seed: 7, ..Settings::default() };
+    let settings =
+        Settings { integrator: Integrator::MonteCarlo, samples: Some(1 << 13), seed: 7, ..Settings::default() };
     let (random, evaluator) = (Integration::new(settings).expect("settings"), spec.evaluator());
     (0..spec.len())
         .flat_map(|texel| evaluator.at(&spec.point(texel), &random).expect("in the domain"))
@@ -96,7 +97,8 @@ fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() 
     for table in TABLES.iter().filter(|table| table.name != "ggx-albedo-anisotropic") {
         let mut recipe = small(table.name, if table.axes.len() == 3 { 7 } else { 17 }, Settings::default());
         recipe.format = FormatSpec::exr(Number::F16);
-        let certificate = bake::table_by_one_witness(&recipe, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name));
+        let certificate =
+            bake::table_by_one_witness(&recipe, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name));
         let rounding = certificate.rounding.expect("a table by quadrature has it");
         let texels: usize = recipe.axes.iter().map(|axis| axis.size).product();
         assert_eq!(rounding.certified + rounding.undecided, (texels * table.channels.len()) as u64, "{}", table.name);

@@ -7,11 +7,9 @@ use kiln::Result;
 
 /// Print completions for a shell
 #[derive(Debug, Args)]
-#[command(
-    after_help = "For this session of bash: source <(kiln completions bash)\nFor good: kiln completions bash > \
+#[command(after_help = "For this session of bash: source <(kiln completions bash)\nFor good: kiln completions bash > \
                   ~/.local/share/bash-completion/completions/kiln\nzsh: into a file _kiln in a folder of $fpath; fish: \
-                  into ~/.config/fish/completions/kiln.fish"
-)]
+                  into ~/.config/fish/completions/kiln.fish")]
 pub struct Completions {
     /// Which shell
     #[arg(value_enum)]

@@ -9,6 +9,7 @@ mod completions;
 mod console;
 mod env;
 mod eval;
+mod furnace;
 mod info;
 mod list;
 mod man;

@@ -350,6 +350,23 @@ pub struct Model {
     pub kd: Kd,
 }
 
+impl Model {
+    /// The choices that matter for a quantity, in words: `correlated Smith`, `neubelt visibility`, `albedo kd`.
+    pub fn choices_of(&self, quantity: &Quantity) -> Vec<String> {
+        let mut words = vec![];
+        if quantity.depends_on_smith() {
+            words.push(format!("{} Smith", self.smith.name()));
+        }
+        if quantity.depends_on_visibility() {
+            words.push(format!("{} visibility", self.visibility.name()));
+        }
+        if quantity.depends_on_kd() {
+            words.push(format!("{} kd", self.kd.name()));
+        }
+        words
+    }
+}
+
 /// A function of physical parameters.
 #[derive(Debug)]
 pub struct Quantity {
@@ -383,6 +400,27 @@ impl Quantity {
     /// The part of the name after the dot.
     pub fn short_name(&self) -> &'static str {
         self.name.rsplit('.').next().unwrap_or(self.name)
+    }
+
+    /// The part of the name before the dot.
+    fn family_name(&self) -> &'static str {
+        self.name.split('.').next().unwrap_or(self.name)
+    }
+
+    /// Whether masking and shadowing are by Smith: of the microfacet lobes of surfaces, and what is made of them.
+    pub fn depends_on_smith(&self) -> bool {
+        let families = ["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation"];
+        families.contains(&self.family_name())
+    }
+
+    /// Whether it has the visibility term of the sheen.
+    pub fn depends_on_visibility(&self) -> bool {
+        self.family_name() == "charlie"
+    }
+
+    /// Whether a diffuse base is below a specular layer.
+    pub fn depends_on_kd(&self) -> bool {
+        self.family_name() == "layered"
     }
 
     /// How it changes along `parameter`, or the one that it stands for, where it is monotone.
@@ -621,6 +659,29 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_choice_matters_where_it_changes_a_value() {
+        use crate::integrate::{Integration, Settings};
+        let integration =
+            Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).expect("settings");
+        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6];
+        for handle in all().filter(|h| h.family.has_quadrature()) {
+            let at = Parameter::ALL.into_iter().zip(values).filter(|(p, _)| handle.quantity.parameters.contains(p));
+            let at = at.fold(Point::default(), |at, (p, v)| at.with(p, v).expect("in the domain"));
+            let value = |model: &Model| handle.evaluate(&at, model, &integration).expect("reached").value;
+            let usual = value(&Model::default());
+            let changed = [
+                value(&Model { smith: Smith::Separable, ..Model::default() }),
+                value(&Model { visibility: Visibility::Charlie, ..Model::default() }),
+                value(&Model { kd: Kd::Fresnel, ..Model::default() }),
+            ]
+            .map(|v| v != usual);
+            let q = handle.quantity;
+            let said = [q.depends_on_smith(), q.depends_on_visibility(), q.depends_on_kd()];
+            assert_eq!(changed, said, "{}: Smith, visibility, kd", q.name);
+        }
+    }
 
     #[test]
     fn a_mistyped_quantity_is_told_the_nearest_ones_each_once() {

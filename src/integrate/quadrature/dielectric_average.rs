@@ -75,7 +75,8 @@ fn over_panels(ends: &[End], rung: &Rung, f: impl Fn(f64, &End, f64) -> f64) -> 
         }
         let before = if i > 0 { panel[0].at - ends[i - 1].at } else { FAR };
         let after = ends.get(i + 2).map_or(FAR, |e| e.at - panel[1].at);
-        for (end, side, sign, beyond) in [(&panel[0], panel[0].above, 1.0, before), (&panel[1], panel[1].below, -1.0, after)]
+        for (end, side, sign, beyond) in
+            [(&panel[0], panel[0].above, 1.0, before), (&panel[1], panel[1].below, -1.0, after)]
         {
             let near = side.near.min(beyond) / half;
             let scale = if side.root { near.sqrt() } else { near };
@@ -140,7 +141,11 @@ impl<'a> Average<'a> {
         });
         let grazing = plain(0.5 * self.angle.min(if critical.is_some() { FAR } else { 2.0 * self.beyond_grazing() }));
         self.over_facets(meeting, rung, |facet| {
-            let mut ends = vec![facet.nearest_end(), facet.horizon(self.angle), End { at: FRAC_PI_2, above: plain(FAR), below: grazing }];
+            let mut ends = vec![
+                facet.nearest_end(),
+                facet.horizon(self.angle),
+                End { at: FRAC_PI_2, above: plain(FAR), below: grazing },
+            ];
             if let Some((angle, near)) = critical {
                 let above = plain(self.angle.hypot(angle - facet.horizon));
                 ends.push(End { at: angle, above, below: root(near) });
@@ -168,7 +173,11 @@ impl<'a> Average<'a> {
         let (n, eta) = (self.n, self.interface.eta);
         let grazing = plain((0.5 * self.angle).min(self.beyond_grazing()));
         let from_outside = self.over_facets(None, rung, |facet| {
-            let ends = [facet.nearest_end(), facet.horizon(self.angle), End { at: FRAC_PI_2, above: plain(FAR), below: grazing }];
+            let ends = [
+                facet.nearest_end(),
+                facet.horizon(self.angle),
+                End { at: FRAC_PI_2, above: plain(FAR), below: grazing },
+            ];
             over_panels(&ends, rung, |beta, end, t| {
                 let circle = Circle::new(facet, beta, end, t);
                 let cos_t = ((n - 1.0) * (n + 1.0) + circle.cos * circle.cos).sqrt() / n;

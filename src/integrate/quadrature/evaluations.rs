@@ -55,8 +55,8 @@ fn glass_takes_boundedly_many_evaluations_at_grazing_angles_and_where_it_is_poli
         };
         // At mu 0 and eta 1 the quantity is a limit, which is not integrated.
         let there = places().flat_map(|at| ETAS.map(|eta| (at, eta))).filter(|((mu, _), eta)| *mu > 0.0 || *eta != 1.0);
-        let scanned = there
-            .map(|((mu, alpha), eta)| (format!("mu {mu:e} alpha {alpha:e} eta {eta}"), count(mu, alpha, eta)));
+        let scanned =
+            there.map(|((mu, alpha), eta)| (format!("mu {mu:e} alpha {alpha:e} eta {eta}"), count(mu, alpha, eta)));
         bounded(smith.name(), 2, count(0.5, 0.3, 1.5), scanned);
     }
 }
