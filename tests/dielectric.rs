@@ -147,10 +147,10 @@ fn witnesses_agree() {
 #[test]
 fn averages_reach_their_tolerance_and_their_bounds_hold() {
     let etas = [0.01, 0.4, 1.0 / 1.5, 0.9, 0.999, 1.0, 1.001, 1.1, 1.5, 2.5, 100.0];
-    for smith in SMITH {
-        for alpha in [1e-4, 1e-2, 0.1, 0.3, 0.6, 0.9, 1.0] {
+    for smith in [Smith::Correlated, Smith::Beta] {
+        for alpha in [1e-4, 0.1, 0.6, 1.0] {
             for eta in etas {
-                let truth = scattering(None, alpha, eta, smith, &exact(1e-9));
+                let truth = scattering(None, alpha, eta, smith, &exact(1e-8));
                 for tolerance in [1e-4, 1e-7] {
                     for (e, t) in scattering(None, alpha, eta, smith, &exact(tolerance)).iter().zip(&truth) {
                         let (off, place) = ((e.value - t.value).abs(), format!("{smith:?} alpha {alpha} eta {eta}"));
@@ -163,35 +163,40 @@ fn averages_reach_their_tolerance_and_their_bounds_hold() {
     }
 }
 
-/// 2 ∫ … mu dmu of the directional quantities, which are integrated along another road.
-fn average_of_directional(alpha: f64, eta: f64, smith: Smith) -> [f64; 2] {
-    let rule = GradedRules::new(45.0);
+/// 2 ∫ … mu dmu of the directional quantities, which are integrated along another road, and how far two gradings of it are apart.
+fn average_of_directional(alpha: f64, eta: f64, smith: Smith) -> [(f64, f64); 2] {
+    let rules = GradedRules::new(32.0);
     // From the denser side there is a root at the critical angle.
     let critical = (1.0 - eta * eta).max(0.0).sqrt();
-    let mut sum = [0.0; 2];
-    for (low, high) in [(0.0, critical), (critical, 1.0)] {
-        let half = 0.5 * (high - low);
-        for (x, w) in rule.at_scale(1e-3).iter().filter(|_| half > 0.0) {
-            for mu in [low + x * half, high - x * half] {
-                let e = scattering(Some(mu), alpha, eta, smith, &exact(1e-9));
-                sum = [0, 1].map(|k| sum[k] + 2.0 * half * w * mu * e[k].value);
+    let by = |scale: f64| {
+        let mut sum = [0.0; 2];
+        for (low, high) in [(0.0, critical), (critical, 1.0)] {
+            let half = 0.5 * (high - low);
+            for (x, w) in rules.at_scale(scale).iter().filter(|_| half > 0.0) {
+                for mu in [low + x * half, high - x * half] {
+                    let e = scattering(Some(mu), alpha, eta, smith, &exact(INNER));
+                    sum = [0, 1].map(|k| sum[k] + 2.0 * half * w * mu * e[k].value);
+                }
             }
         }
-    }
-    sum
+        sum
+    };
+    let (coarse, fine) = (by(1e-3), by(1e-5));
+    [0, 1].map(|k| (fine[k], (fine[k] - coarse[k]).abs()))
 }
+
+/// What the directional quantities are integrated to.
+const INNER: f64 = 1e-8;
 
 #[test]
 fn averages_are_those_of_the_directional_quantities_on_both_sides_of_the_interface() {
-    for smith in SMITH {
-        for (alpha, n) in [(0.2, 1.5), (1.0, 1.3)] {
-            for eta in [n, 1.0 / n] {
-                let own = scattering(None, alpha, eta, smith, &exact(1e-9));
-                for (e, wanted) in own.iter().zip(average_of_directional(alpha, eta, smith)) {
-                    // Twice the 1e-9 that both integrals are good to, and the rule's own truncation.
-                    let off = (e.value - wanted).abs();
-                    assert!(off <= e.error + 4e-9, "{smith:?} alpha {alpha} eta {eta}: {e:?}, {wanted}, {off:e}");
-                }
+    for (smith, alpha, n) in [(Smith::Correlated, 0.2, 1.5), (Smith::Beta, 1.0, 1.3)] {
+        for eta in [n, 1.0 / n] {
+            let own = scattering(None, alpha, eta, smith, &exact(INNER));
+            for (e, (wanted, unsure)) in own.iter().zip(average_of_directional(alpha, eta, smith)) {
+                let (off, allowed) = ((e.value - wanted).abs(), e.error + INNER + unsure);
+                assert!(off <= allowed, "{smith:?} alpha {alpha} eta {eta}: {e:?}, {wanted}: {off:e}, {allowed:e}");
+                assert!(allowed < 2e-7, "{smith:?} alpha {alpha} eta {eta}: {allowed:e} says nothing");
             }
         }
     }
