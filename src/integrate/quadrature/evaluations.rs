@@ -97,5 +97,5 @@ fn averages_take_boundedly_many_evaluations_where_the_surface_is_polished() {
 fn counting_counts() {
     let rules = GradedRules::new(14.0);
     let nodes = rules.at_scale(0.01).nodes.len() as u64;
-    assert_eq!(during(|| (0..3).for_each(|_| drop(rules.at_scale(0.01).integrate(|x| x)))), 3 * nodes);
+    assert_eq!(during(|| (0..3).for_each(|_| assert!(rules.at_scale(0.01).integrate(|x| x) > 0.0))), 3 * nodes);
 }
