@@ -7,6 +7,7 @@ use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::named::TABLES;
 use kiln::table::quantity;
+use kiln::table::rounding;
 use kiln::table::{Parameter, TableSpec};
 
 /// 5 standard errors estimated from 32 replicates: one false alarm in 50,000 comparisons, of which there are below 10,000; the
@@ -95,13 +96,15 @@ fn by_samples(spec: &TableSpec) -> Vec<(f64, f64)> {
 fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() {
     let (mut undecided, mut total) = (0, 0);
     for table in TABLES.iter().filter(|table| table.name != "ggx-albedo-anisotropic") {
-        let mut recipe = small(table.name, if table.axes.len() == 3 { 7 } else { 17 }, Settings::default());
+        let mut recipe = small(table.name, if table.axes.len() == 3 { 7 } else { 16 }, Settings::default());
         recipe.format = FormatSpec::exr(Number::F16);
-        let certificate =
-            bake::table_by_one_witness(&recipe, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name));
-        let rounding = certificate.rounding.expect("a table by quadrature has it");
-        let texels: usize = recipe.axes.iter().map(|axis| axis.size).product();
-        assert_eq!(rounding.certified + rounding.undecided, (texels * table.channels.len()) as u64, "{}", table.name);
+        // What is looked up between the texels is another matter, and takes longer.
+        let (spec, integration) =
+            (recipe.spec().expect("a table"), Integration::new(recipe.integration).expect("settings"));
+        let mut baked = spec.bake(&integration, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name));
+        let format = recipe.texel_format().expect("a format");
+        let rounding = rounding::decide(&mut baked, format, &integration).expect("it was baked before");
+        assert_eq!(rounding.certified + rounding.undecided, baked.values.len() as u64, "{}", table.name);
         undecided += rounding.undecided;
         total += rounding.certified + rounding.undecided;
     }
@@ -114,11 +117,11 @@ fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
         ("dfg", 24, "rg"),
         ("ggx-f82", 12, "rgba"),
         ("beckmann-dfg", 8, "rg"),
-        ("charlie-albedo", 10, "r"),
+        ("charlie-albedo", 6, "r"),
         ("dielectric", 4, "rg"),
         ("dielectric-inside", 4, "rg"),
-        ("dielectric-avg", 4, "rg"),
-        ("conductor-albedo", 8, "r"),
+        ("dielectric-avg", 2, "rg"),
+        ("conductor-albedo", 6, "r"),
     ] {
         for number in [Number::F16, Number::F32] {
             let mut recipe = small(name, size, Settings::default());
