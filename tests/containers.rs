@@ -5,6 +5,7 @@
 mod support;
 
 use kiln::bake;
+use kiln::convert::{Conversion, Shape, convert};
 use kiln::format::{self, Container, Decoded, FormatSpec, Texture, Variant, dds, hdr, ktx2};
 use kiln::pack::{Number, TexelFormat, bc6h};
 use kiln::recipe::{EnvironmentRecipe, TableRecipe};
@@ -210,16 +211,16 @@ fn hdr_is_exact_and_read_by_the_image_crate() {
 fn bc6h_errors_are_those_that_its_report_states() {
     let mut random = Random(33);
     for (width, height) in [(1, 1), (2, 2), (5, 3), (16, 12)] {
-        // A smooth picture with a sun.
+        // A sky that grows brighter upwards, a little noise, and a sun.
         let mut values: Vec<f64> =
-            (0..width * height * 3).map(|i| 0.5 + 0.3 * f64::from((i % 7) as u32) * random.unit()).collect();
+            (0..width * height * 3).map(|i| 0.5 + 0.01 * (i / 3) as f64 + 0.02 * random.unit()).collect();
         values[0] = 3000.0;
         let (blocks, report) = bc6h::pack(width, height, &values);
         assert_eq!(blocks.len(), 16 * width.div_ceil(4) * height.div_ceil(4));
         let back = bc6h::unpack(width, height, &blocks);
         let worst = back.iter().zip(&values).map(|(&b, v)| (f64::from(b) - v).abs()).fold(0.0, f64::max);
         assert_eq!(report.max_abs_error, worst, "{width} × {height}");
-        assert!(report.max_block_error <= 0.25, "{width} × {height}: {report:?}");
+        assert!(report.max_block_error <= 0.1, "{width} × {height}: {report:?}");
     }
     let flat = vec![0.75; 48];
     let (_, report) = bc6h::pack(4, 4, &flat);
@@ -300,9 +301,13 @@ fn pictures_are_what_openimageio_reads() {
     }
 }
 
+/// A table of closed forms, which takes no time, with as many channels as its format holds, 3 at most.
 fn table(format: &str) -> TableRecipe {
-    let mut recipe = TableRecipe::named("dfg", format.parse().unwrap()).unwrap();
+    let format: FormatSpec = format.parse().unwrap();
+    let mut recipe = TableRecipe::named("fresnel-dielectric", format).unwrap();
     recipe.axes.iter_mut().for_each(|axis| axis.size = 8);
+    let n = (1..=3).rev().find(|&n| format.texel(n).is_ok()).unwrap();
+    recipe.channels.truncate(n);
     recipe
 }
 
@@ -320,7 +325,7 @@ fn tables_of_every_container_are_verified_and_a_changed_texel_is_found() {
         "ktx2:rg16f+zstd",
         "ktx1:rg8unorm",
         "dds:rg16f",
-        "dds:rgba32f+legacy",
+        "dds:rg32f+legacy",
         "hdr",
         "png:rgb16unorm",
         "png:rgbm",
@@ -339,12 +344,13 @@ fn tables_of_every_container_are_verified_and_a_changed_texel_is_found() {
         let certificate = &baked.certificate;
         assert!(certificate.packing.max_abs_error > 0.0, "{format}");
         let per_channel = recipe.texel_format().unwrap().is_per_channel();
-        assert_eq!(certificate.rounding.map(|r| r.certified + r.undecided), per_channel.then_some(128), "{format}");
+        let total = 64 * recipe.channels.len() as u64;
+        assert_eq!(certificate.rounding.map(|r| r.certified + r.undecided), per_channel.then_some(total), "{format}");
         baked.write(folder.path()).unwrap();
         let path = folder.path().join(&recipe.file);
         let report = verify::file(&path, Options::default()).unwrap_or_else(|e| panic!("{format}: {e}"));
         assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
-        assert!(report.checks.len() > 5, "{format}");
+        assert!(report.checks.len() > 3 && report.skipped.is_empty(), "{format}");
         spoil(&path, format);
         let found = verify::file(&path, Options::default()).map(|report| report.failures());
         assert!(!matches!(found, Ok(0)), "{format}: a changed texel is not found");
@@ -367,18 +373,8 @@ fn spoil(path: &Path, format: &str) {
 }
 
 #[test]
-fn a_table_that_its_format_has_no_room_for_is_refused() {
-    let mut recipe = table("ktx2:r8unorm");
-    recipe.channels = vec!["fresnel.f82".into()];
-    recipe.channels = vec!["charlie.albedo".into()];
-    let baked = bake::table(&recipe, &|_| {});
-    // The sheen's albedo passes 1 at grazing angles under Neubelt's visibility.
-    if let Err(error) = baked {
-        let message = error.to_string();
-        assert!(message.contains("has no room for; use an f16 or f32 format"), "{message}");
-    }
-    let mut recipe = table("ktx2:rg16f");
-    recipe.format = "ktx2:r16f".parse().unwrap();
+fn a_table_of_more_channels_than_its_format_has_is_refused() {
+    let recipe = TableRecipe { format: "ktx2:r16f".parse().unwrap(), ..table("ktx2:rg16f") };
     assert!(bake::table(&recipe, &|_| {}).unwrap_err().to_string().contains("holds 1 channels, and 2 were asked for"));
 }
 
@@ -394,7 +390,7 @@ fn environments_of_every_container_are_verified() {
         ("env", 1),
     ] {
         let mut recipe = EnvironmentRecipe::new("builtin:sky");
-        (recipe.size, recipe.min_size, recipe.irradiance_size) = (16, min_size, 8);
+        (recipe.size, recipe.min_size, recipe.irradiance_size) = (8, min_size, 4);
         recipe.format = format.parse().unwrap();
         recipe.directory = format.replace([':', '+'], "-");
         let source = bake::source(&recipe).unwrap();
@@ -412,7 +408,7 @@ fn environments_of_every_container_are_verified() {
         other => panic!("{name}: {other:?}"),
     };
     assert_eq!(read("ktx1-b10g11r11/specular.ktx").metadata("sh").unwrap().lines().count(), 9);
-    assert_eq!(read("env/specular.env").levels.len(), 5);
+    assert_eq!(read("env/specular.env").levels.len(), 4);
 }
 
 /// The white furnace of a `.env` is xx = yy = zz = 1 and nothing else; that of Filament's nine lines 1 and nothing else.
@@ -450,4 +446,104 @@ fn the_irradiance_of_a_white_furnace_is_one_in_every_convention() {
     let numbers: Vec<f64> = ktx1.metadata("sh").unwrap().split_whitespace().map(|n| n.parse().unwrap()).collect();
     assert_eq!(numbers.len(), 27);
     assert!(numbers[..3].iter().all(|v| (v - 1.0).abs() < 1e-7) && numbers[3..].iter().all(|v| v.abs() < 1e-7));
+}
+
+fn conversion(format: &str) -> Conversion {
+    let format = format.parse().unwrap();
+    Conversion { format, shape: Shape::Keep, level: None, channels: None, clamp: false }
+}
+
+fn converted(bytes: &[u8], conversion: &Conversion) -> kiln::Result<(Vec<u8>, kiln::convert::Report)> {
+    convert(format::decode(bytes)?, conversion)
+}
+
+#[test]
+fn conversions_that_need_no_rounding_change_nothing() {
+    let cube = texture("cube", "rgba16f".parse().unwrap());
+    let mut bytes = ktx2::encode(&cube).unwrap();
+    for name in ["dds:rgba16f", "ktx1:rgba16f", "ktx2:rgba32f+zstd", "dds:rgba32f+legacy", "ktx2:rgba16f"] {
+        let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!((report.max_error, report.rms_error), (0.0, 0.0), "{name}");
+        bytes = next;
+    }
+    let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+    assert_same_texels("round trip", &cube, &back);
+    let flat = texture("flat", "rgb32f".parse().unwrap());
+    let mut bytes = format::encode("npy:f32".parse().unwrap(), &flat).unwrap();
+    for name in ["c:f32", "wgsl:f32", "exr:f32", "rust:f32", "js:f32", "glsl:f32", "hlsl:f32", "ktx2:rgb32f", "npy:f32"]
+    {
+        let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(report.max_error, 0.0, "{name}");
+        bytes = next;
+    }
+    assert_eq!(bytes, format::encode("npy:f32".parse().unwrap(), &flat).unwrap());
+}
+
+#[test]
+fn conversions_report_what_they_cost() {
+    let values = [0.1, 0.2, 70_000.0, -1.0, 0.5, 0.25];
+    let (flat, _) = Texture::flat("rgb32f".parse().unwrap(), 2, 1, &values).unwrap();
+    let bytes = ktx2::encode(&flat).unwrap();
+    let message = converted(&bytes, &conversion("ktx2:rgb9e5")).unwrap_err().to_string();
+    assert!(message.contains("no room for 1 values beyond 65408, 1 below zero and 0"), "{message}");
+    assert!(message.contains("with --clamp"), "{message}");
+    let (_, report) = converted(&bytes, &Conversion { clamp: true, ..conversion("ktx2:rgb9e5") }).unwrap();
+    assert_eq!((report.packing.overflowed, report.packing.negative, report.max_error), (1, 1, 4592.0));
+    let (_, report) = converted(&bytes, &Conversion { clamp: true, ..conversion("ktx2:rgb16f") }).unwrap();
+    let halves = [0.1_f32, 0.2].map(|v| (half::f16::from_f32(v).to_f64() - f64::from(v)).abs());
+    assert_eq!(report.packing.max_abs_error, halves[0].max(halves[1]));
+}
+
+#[test]
+fn conversions_refuse_what_would_be_lost_in_silence() {
+    let cube = ktx2::encode(&texture("cube", "rgba16f".parse().unwrap())).unwrap();
+    let message = converted(&cube, &conversion("hdr")).unwrap_err().to_string();
+    assert!(
+        message.contains("hdr holds 3 channels, and there are 4: R, G, B, A; choose another format, or drop"),
+        "{message}"
+    );
+    let rgb = Conversion { channels: Some(3), ..conversion("hdr") };
+    assert!(converted(&cube, &rgb).unwrap_err().to_string().contains("which holds one picture"));
+    let (flat, _) =
+        Texture::flat("rgba32f".parse().unwrap(), 2, 1, &[0.5, 0.5, 0.5, 1.0, 0.25, 1.0, 2.0, 1.0]).unwrap();
+    let (file, report) = converted(&ktx2::encode(&flat).unwrap(), &conversion("hdr")).unwrap();
+    assert!(report.notes.iter().any(|note| note.contains("alpha, which is 1 everywhere")));
+    assert_eq!(hdr::decode(&file).unwrap().texels, [0.5, 0.5, 0.5, 0.25, 1.0, 2.0]);
+}
+
+/// Channels of an OpenEXR are sorted by name; in a texture they are red, green, blue, or those of the table in its order.
+#[test]
+fn channels_of_an_openexr_come_in_the_order_that_was_meant() {
+    let image = kiln::format::Image::new(1, 1, &["B", "A", "G", "R"], vec![3.0_f64, 1.0, 2.0, 1.5]).unwrap();
+    let (exr, _) = format::exr::encode(&image, Number::F32).unwrap();
+    let (ktx2, _) = converted(&exr, &conversion("ktx2:rgba32f")).unwrap();
+    assert_eq!(ktx2::decode(&ktx2).unwrap().values(0), [1.5, 2.0, 3.0, 1.0]);
+    // The scale comes first in the table, the bias in the OpenEXR.
+    let dfg = |format: &str| {
+        let mut recipe = TableRecipe::named("dfg", format.parse().unwrap()).unwrap();
+        recipe.axes.iter_mut().for_each(|axis| axis.size = 4);
+        bake::table(&recipe, &|_| {}).unwrap().files.remove(0).1
+    };
+    let (ktx2, _) = converted(&dfg("exr:f32"), &conversion("ktx2:rg32f")).unwrap();
+    let direct = dfg("ktx2:rg32f");
+    assert_eq!(ktx2::decode(&ktx2).unwrap().levels, ktx2::decode(&direct).unwrap().levels);
+}
+
+#[test]
+fn a_panorama_becomes_a_cube_and_a_panorama_of_the_same_flux() {
+    let mut random = Random(34);
+    let values: Vec<f64> = (0..32 * 16 * 3).map(|_| random.unit().powi(4) * 50.0).collect();
+    let (panorama, _) = Texture::flat("rgb32f".parse().unwrap(), 32, 16, &values).unwrap();
+    let bytes = ktx2::encode(&panorama).unwrap();
+    let (cube, report) = converted(&bytes, &Conversion { shape: Shape::Cube(0), ..conversion("dds:rgb32f") }).unwrap();
+    let Decoded::Texture(texture) = format::decode(&cube).unwrap() else { panic!("a texture") };
+    assert_eq!((texture.faces, texture.width), (6, 8));
+    // Sums of f32 texels: exact to a few of their roundings.
+    assert!(report.flux_change.unwrap() < 1e-6, "{report:?}");
+    let (back, report) = converted(&cube, &Conversion { shape: Shape::Panorama, ..conversion("hdr") }).unwrap();
+    assert!(report.flux_change.unwrap() < 1e-6, "{report:?}");
+    assert_eq!(hdr::decode(&back).unwrap().width, 32);
+    let message =
+        converted(&bytes, &Conversion { shape: Shape::Panorama, ..conversion("hdr") }).unwrap_err().to_string();
+    assert!(message.contains("no cube, where one is to become a panorama"), "{message}");
 }
