@@ -7,7 +7,7 @@ use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
 use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
-use crate::format::{self, Texture};
+use crate::format::{self, Container, FormatSpec, Packing, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
@@ -20,9 +20,24 @@ pub const DEFAULT_SAMPLES: u64 = 4096;
 /// Samples per texel beyond which a tolerance counts as out of reach.
 const MOST_SAMPLES: u64 = 1 << 18;
 /// Names of the files, in the order of their digests.
-pub(crate) const FILES: [&str; 3] = ["specular.ktx2", "irradiance.ktx2", "sh.json"];
+fn files(recipe: &EnvironmentRecipe) -> [String; 3] {
+    let cube = |name: &str, content: &str| format!("{name}.{}", cube_spec(recipe, content).extension());
+    [cube("specular", SPECULAR), cube("irradiance", IRRADIANCE), "sh.json".to_owned()]
+}
+
+/// The format of one of the cubes. Babylon.js' environments are whole chains: irradiance, which is one level, is the same texels in a KTX2.
+fn cube_spec(recipe: &EnvironmentRecipe, content: &str) -> FormatSpec {
+    match recipe.format.packing() {
+        Packing::Texel(texel) if recipe.format.container() == Container::Env && content == IRRADIANCE => {
+            FormatSpec::ktx2(texel)
+        }
+        _ => recipe.format,
+    }
+}
 /// What the irradiance cube is called in certificates and in its file.
 pub(crate) const IRRADIANCE: &str = "irradiance";
+/// What the specular chain is called in its file.
+const SPECULAR: &str = "specular";
 /// The schema of `sh.json`.
 pub const SH_SCHEMA: &str = "kiln-sh/1";
 
@@ -139,12 +154,12 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
     let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
-    let names = FILES.iter().copied().chain(sun.as_ref().map(|_| SUN_FILE));
+    let names = files(recipe).into_iter().chain(sun.as_ref().map(|_| SUN_FILE.to_owned()));
     let digests = digests(&values, &sh_bytes).into_iter().chain(sun.as_ref().map(|s| certificate::digest([&s[..]])));
     let certificate = Certificate {
         environment: Some(recipe.clone()),
         input: Some(input(source)),
-        files: names.clone().zip(digests).map(|(f, digest)| FileDigest { file: f.to_owned(), digest }).collect(),
+        files: names.clone().zip(digests).map(|(file, digest)| FileDigest { file, digest }).collect(),
         levels: values.iter().zip(specular.iter().chain([&irradiance])).map(|(v, (_, r))| level(&v.name, r)).collect(),
         sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
         checks,
@@ -155,14 +170,17 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let json = certificate.to_json()?;
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
-        let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
+        let mut metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
+        if content == SPECULAR {
+            metadata.extend(irradiance_of(recipe.format.container(), &sh.harmonics));
+        }
         let primaries = panorama.primaries();
         let texture = Texture { levels, metadata, primaries, ..Texture::empty_cube(format, size) };
-        format::encode(recipe.format, &texture)
+        format::encode(cube_spec(recipe, content), &texture)
     };
     let mut levels = bytes_of_levels;
     let last = levels.split_off(specular.len());
-    let contents = [cube("specular", recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
+    let contents = [cube(SPECULAR, recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
     let folder = Path::new(&recipe.directory);
     Ok(Baked {
         files: names.zip(contents.into_iter().chain(sun)).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
@@ -224,13 +242,34 @@ fn pack(
     (all, report, values)
 }
 
+/// The irradiance as a file's own metadata: Babylon.js' polynomial, Filament's nine lines. It is the one that is negative nowhere.
+fn irradiance_of(container: Container, harmonics: &SphericalHarmonics) -> Option<(String, String)> {
+    let terms = spherical_harmonics::polynomial(&harmonics.irradiance_over_pi_nonnegative);
+    match container {
+        Container::Env => {
+            let [constant, y, z, x, xy, yz, zonal, zx, squares] = terms;
+            // 1 = x² + y² + z² on the sphere.
+            let square = |of_zonal: f64, of_squares: f64| {
+                std::array::from_fn(|c| constant[c] + (of_zonal - 1.0) * zonal[c] + of_squares * squares[c])
+            };
+            let coefficients = [x, y, z, square(0.0, 1.0), square(0.0, -1.0), square(3.0, 0.0), yz, zx, xy];
+            Some((env::POLYNOMIAL_KEY.to_owned(), env::polynomial_json(&coefficients)))
+        }
+        Container::Ktx1 => {
+            let line = |rgb: &[f64; 3]| format!("{} {} {}\n", rgb[0] as f32, rgb[1] as f32, rgb[2] as f32);
+            Some((ktx1::SH_KEY.to_owned(), terms.iter().map(line).collect()))
+        }
+        _ => None,
+    }
+}
+
 /// What packing may have changed of the levels.
 pub(crate) fn precision(format: TexelFormat, levels: &[CubeLevel], block_error: f64) -> Precision {
     let values = levels.iter().flat_map(|level| level.texels.as_flattened()).map(|&v| f64::from(v));
     Precision::new(format, values, block_error)
 }
 
-/// Digests of the files, in the order of [`FILES`].
+/// Digests of the files, in the order of their names.
 pub(crate) fn digests(values: &[CubeLevel], sh: &[u8]) -> [String; 3] {
     let of = |levels: &[CubeLevel]| texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
     let (irradiance, specular) = values.split_last().map_or((&values[..0], values), |(_, s)| (&values[s.len()..], s));

@@ -3,7 +3,7 @@
 use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
-use crate::check::{Check, CubeLevel, EnvironmentValues};
+use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
 use crate::environment::{Panorama, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
@@ -27,7 +27,8 @@ pub(super) fn verify(
             let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
-            let precision = precision(recipe.cube_format()?, &levels, certificate.packing.max_block_error);
+            let precision =
+                precision(recipe.cube_format()?, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
             let judged = EnvironmentValues { levels: &levels, precision };
             report
                 .checks
@@ -83,9 +84,9 @@ pub(super) fn verify(
             report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
             report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, p)));
         }
-        Content::Picture(_) => {
+        Content::Picture(_) | Content::Array(_) | Content::Raw(_) => {
             return Err(Error::invalid(
-                "a picture, where the certificate says a cube",
+                "no texture, where the certificate says a cube",
                 "give the environment's own file",
             )
             .in_file(path));
