@@ -4,14 +4,16 @@ use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
+use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, InputReport, KernelKind, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, FormatSpec, Packing, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
 use crate::table::Progress;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -53,6 +55,9 @@ pub struct ShFile {
     pub fit: IrradianceFit,
     /// The same of those that are negative nowhere.
     pub fit_nonnegative: IrradianceFit,
+    /// More bands, where more than three were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<Bands>,
 }
 
 /// The file of a sun that was taken out.
@@ -88,11 +93,13 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
     ChainSpec {
         size: recipe.size,
         roughness: recipe.level_roughness(),
+        kernel: recipe.kernel,
+        view: recipe.view,
         samples: samples as usize,
         seed: recipe.integration.seed,
         integrator: match recipe.integration.integrator {
-            // Only the random witness takes samples.
-            Integrator::Auto if recipe.integration.samples.is_some() => Integrator::MonteCarlo,
+            // Only the random witness takes samples, and views at an angle.
+            Integrator::Auto if recipe.integration.samples.is_some() || recipe.view.is_some() => Integrator::MonteCarlo,
             Integrator::Auto => Integrator::Zonal,
             chosen => chosen,
         },
@@ -143,7 +150,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let Source { panorama, adjusted, .. } = source;
     let format = recipe.cube_format()?;
     let (specular, irradiance) = filter(recipe, panorama, progress)?;
-    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format);
+    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, recipe, format);
     let judged = EnvironmentValues { levels: &values, precision: precision(format, &values, packing.max_block_error) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
@@ -151,7 +158,10 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
     checks.extend(judged.against(panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
-    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
+    let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
+    let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));
+    let fit_of_bands = bands.as_ref().map(|bands| bands.fit);
+    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, bands };
     let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
     let names = files(recipe).into_iter().chain(sun.as_ref().map(|_| SUN_FILE.to_owned()));
@@ -161,7 +171,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         input: Some(input(source)),
         files: names.clone().zip(digests).map(|(file, digest)| FileDigest { file, digest }).collect(),
         levels: values.iter().zip(specular.iter().chain([&irradiance])).map(|(v, (_, r))| level(&v.name, r)).collect(),
-        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
+        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative, bands: fit_of_bands }),
         checks,
         packing,
         ..Certificate::new()
@@ -219,6 +229,7 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
 fn pack(
     specular: &[Filtered],
     irradiance: &Filtered,
+    recipe: &EnvironmentRecipe,
     format: TexelFormat,
 ) -> (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>) {
     let (mut all, mut report, mut values) = (vec![], PackReport::default(), vec![]);
@@ -230,6 +241,8 @@ fn pack(
         let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
         report = report.merge(packed);
         values.push(CubeLevel {
+            kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
+            view: recipe.view.filter(|_| name != IRRADIANCE),
             name,
             size: cube.size,
             roughness: found.roughness,
