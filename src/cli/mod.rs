@@ -7,6 +7,7 @@ mod arguments;
 mod bake;
 mod completions;
 mod console;
+mod convert;
 mod env;
 mod eval;
 mod furnace;
@@ -54,6 +55,7 @@ enum Verb {
     Verify(verify::Verify),
     Info(info::Info),
     Show(show::Show),
+    Convert(convert::Convert),
     List(list::List),
     Completions(completions::Completions),
     Man(man::Man),
@@ -81,6 +83,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Verify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
         Verb::Completions(verb) => verb.run(console),
         Verb::Man(verb) => verb.run(console),
