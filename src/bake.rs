@@ -10,7 +10,7 @@ pub use environment::{
     source,
 };
 pub(crate) use environment::{IRRADIANCE, precision};
-pub use table::table;
+pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};
 use crate::error::{Error, Result};

@@ -5,12 +5,15 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod completions;
 mod console;
 mod convert;
 mod env;
 mod eval;
+mod furnace;
 mod info;
 mod list;
+mod man;
 mod show;
 mod table;
 mod verify;
@@ -54,6 +57,8 @@ enum Verb {
     Show(show::Show),
     Convert(convert::Convert),
     List(list::List),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 /// Parses the arguments, does what they say, and reports.
@@ -80,6 +85,8 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Show(verb) => verb.run(console),
         Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
+        Verb::Completions(verb) => verb.run(console),
+        Verb::Man(verb) => verb.run(console),
     }
 }
 
