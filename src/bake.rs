@@ -9,8 +9,8 @@ pub use environment::{
     DEFAULT_SAMPLES, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels, is_current,
     source,
 };
-pub(crate) use environment::{IRRADIANCE, largest, ulp};
-pub use table::table;
+pub(crate) use environment::{IRRADIANCE, precision};
+pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};
 use crate::error::{Error, Result};

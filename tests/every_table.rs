@@ -1,12 +1,13 @@
 //! Every table that has a name, baked small by both integrators; the rounding of what is baked.
 
 use kiln::bake::{self, Baked};
-use kiln::format::{FormatSpec, exr, ktx2};
+use kiln::format::{Container, FormatSpec, exr, ktx2};
 use kiln::integrate::{Integration, Integrator, Settings};
 use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::named::TABLES;
 use kiln::table::quantity;
+use kiln::table::rounding;
 use kiln::table::{Parameter, TableSpec};
 
 /// 5 standard errors estimated from 32 replicates: one false alarm in 50,000 comparisons, of which there are below 10,000; the
@@ -15,7 +16,7 @@ const SIGMAS: f64 = 5.0;
 
 /// The named table with that many texels along each axis, in full floats.
 fn small(name: &str, size: usize, integration: Settings) -> TableRecipe {
-    let mut recipe = TableRecipe::named(name, FormatSpec::Exr(Number::F32)).expect("a name");
+    let mut recipe = TableRecipe::named(name, FormatSpec::exr(Number::F32)).expect("a name");
     recipe.axes.iter_mut().for_each(|axis| axis.size = size);
     recipe.integration = integration;
     recipe
@@ -29,17 +30,17 @@ fn bake(recipe: &TableRecipe) -> Baked {
 fn values(recipe: &TableRecipe, baked: &Baked) -> Vec<f32> {
     let arrangement = recipe.arrangement().expect("an arrangement");
     let (_, bytes) = &baked.files[0];
-    let file: Vec<f32> = match recipe.format {
-        FormatSpec::Exr(_) => {
+    let file: Vec<f32> = match recipe.format.container() {
+        Container::Exr => {
             let image = exr::decode(bytes).expect("an EXR");
             let names: Vec<&str> = recipe.channels.iter().map(String::as_str).collect();
             let channels: Vec<Vec<f32>> =
                 arrangement.names(&names).iter().map(|name| image.channel(name).expect("a channel")).collect();
             (0..channels[0].len()).flat_map(|i| channels.iter().map(move |c| c[i])).collect()
         }
-        FormatSpec::Ktx2(_) => {
+        _ => {
             let texture = ktx2::decode(bytes).expect("a KTX2");
-            let (stored, n) = (texture.format.channels, recipe.channels.len());
+            let (stored, n) = (texture.format.channels(), recipe.channels.len());
             let all: Vec<f32> = (0..texture.layers(0)).filter_map(|slice| texture.face(0, slice)).flatten().collect();
             all.chunks_exact(stored).flat_map(|texel| texel[..n].to_vec()).collect()
         }
@@ -80,17 +81,55 @@ fn finest(spec: &TableSpec) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// The same by the other witness: values and their standard errors.
+fn by_samples(spec: &TableSpec) -> Vec<(f64, f64)> {
+    let settings =
+        Settings { integrator: Integrator::MonteCarlo, samples: Some(1 << 13), seed: 7, ..Settings::default() };
+    let (random, evaluator) = (Integration::new(settings).expect("settings"), spec.evaluator());
+    (0..spec.len())
+        .flat_map(|texel| evaluator.at(&spec.point(texel), &random).expect("in the domain"))
+        .map(|e| (e.value, e.error))
+        .collect()
+}
+
+#[test]
+#[ignore = "fails: 11 of 11,551 values stay undecided at 17 and 7 texels a side; which tables they are in is not yet known"]
+fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() {
+    let (mut undecided, mut total) = (0, 0);
+    for table in TABLES.iter().filter(|table| table.name != "ggx-albedo-anisotropic") {
+        let mut recipe = small(table.name, if table.axes.len() == 3 { 7 } else { 16 }, Settings::default());
+        recipe.format = FormatSpec::exr(Number::F16);
+        // What is looked up between the texels is another matter, and takes longer.
+        let (spec, integration) =
+            (recipe.spec().expect("a table"), Integration::new(recipe.integration).expect("settings"));
+        let mut baked = spec.bake(&integration, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name));
+        let format = recipe.texel_format().expect("a format");
+        let rounding = rounding::decide(&mut baked, format, &integration).expect("it was baked before");
+        assert_eq!(rounding.certified + rounding.undecided, baked.values.len() as u64, "{}", table.name);
+        undecided += rounding.undecided;
+        total += rounding.certified + rounding.undecided;
+    }
+    assert!(total > 10_000 && undecided * 10_000 <= total, "{undecided} of {total}");
+}
+
 #[test]
 fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
-    for (name, size, texel) in
-        [("dfg", 24, "rg"), ("ggx-f82", 12, "rgba"), ("beckmann-dfg", 8, "rg"), ("dielectric", 4, "rg")]
-    {
+    for (name, size, texel) in [
+        ("dfg", 24, "rg"),
+        ("ggx-f82", 12, "rgba"),
+        ("beckmann-dfg", 8, "rg"),
+        ("charlie-albedo", 6, "r"),
+        ("dielectric", 4, "rg"),
+        ("dielectric-inside", 4, "rg"),
+        ("dielectric-avg", 2, "rg"),
+        ("conductor-albedo", 6, "r"),
+    ] {
         for number in [Number::F16, Number::F32] {
             let mut recipe = small(name, size, Settings::default());
             recipe.channels.truncate(texel.len());
             recipe.format = match number {
-                Number::F16 => FormatSpec::Ktx2(TexelFormat::new(texel.len(), number).expect("a format")),
-                Number::F32 => FormatSpec::Exr(number),
+                Number::F16 => FormatSpec::ktx2(TexelFormat::new(texel.len(), number).expect("a format")),
+                _ => FormatSpec::exr(number),
             };
             let baked = bake(&recipe);
             let rounding = baked.certificate.rounding.expect("a table by quadrature has it");
@@ -99,6 +138,12 @@ fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
             assert_eq!(rounding.certified + rounding.undecided, total, "{name}");
             assert!(rounding.undecided * 10_000 <= total, "{name} {number}: {rounding:?}");
             let stored = values(&recipe, &baked);
+            let drawn = by_samples(&spec);
+            for (i, (value, error)) in drawn.into_iter().enumerate() {
+                let (got, half_an_ulp) = (f64::from(stored[i]), 0.5 * number.ulp(value.abs() * (1.0 + 1e-3)));
+                let allowed = SIGMAS * error + half_an_ulp + 1e-8;
+                assert!((got - value).abs() <= allowed, "{name} {number} value {i}: {got}, drawn {value}, {allowed:e}");
+            }
             let mut outside = 0;
             for (i, (truth, error)) in finest(&spec).into_iter().enumerate() {
                 let got = f64::from(stored[i]);
@@ -106,7 +151,7 @@ fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
                     Number::F16 => [truth - error, truth + error]
                         .iter()
                         .any(|v| f64::from(number.unpack(&number.pack(&[*v]).0)[0]) == got),
-                    Number::F32 => (got - truth).abs() <= number.ulp(truth).max(1e-8) + error,
+                    _ => (got - truth).abs() <= number.ulp(truth).max(1e-8) + error,
                 };
                 outside += u64::from(!right);
             }
@@ -119,7 +164,7 @@ fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
 fn a_coarse_tolerance_still_rounds_right() {
     let coarse = Settings { tolerance: Some(1e-3), ..Settings::default() };
     let mut recipe = small("dfg", 16, coarse);
-    recipe.format = FormatSpec::Ktx2(TexelFormat::new(2, Number::F16).expect("a format"));
+    recipe.format = FormatSpec::ktx2(TexelFormat::new(2, Number::F16).expect("a format"));
     let fine = TableRecipe { integration: Settings::default(), ..recipe.clone() };
     assert_eq!(values(&recipe, &bake(&recipe)), values(&fine, &bake(&fine)));
 }

@@ -1,10 +1,11 @@
 //! Facts about the values of an environment's cubes.
 
-use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
+use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
 use crate::environment::{Cube, DARK_FLOOR, Kernel, KernelKind, Panorama, View, ViewLobe, area_average};
 use crate::model::alpha_of_roughness;
+use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -34,10 +35,8 @@ pub struct CubeLevel {
 pub struct EnvironmentValues<'a> {
     /// All cubes.
     pub levels: &'a [CubeLevel],
-    /// Spacing of the packed numbers at a value.
-    pub ulp: fn(f64) -> f64,
-    /// The largest number that the texel format holds: brighter values are stored as that.
-    pub largest: f64,
+    /// What packing may have changed. Values that the format has no room for are stored as the nearest that it has.
+    pub precision: Precision,
 }
 
 /// A value that is wrong by how much, and by how much it may be.
@@ -116,7 +115,7 @@ impl EnvironmentValues<'_> {
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
-                checks.push(mean_check(level, panorama));
+                checks.push(mean_check(level, panorama, self.mean_packing(level)));
             }
             let kernel = Kernel::of(level.kernel, alpha);
             let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
@@ -129,6 +128,30 @@ impl EnvironmentValues<'_> {
             checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
         }
         checks
+    }
+
+    /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
+    fn mean_packing(&self, level: &CubeLevel) -> f64 {
+        let Some(format) = self.precision.format().filter(|format| !format.is_signed()) else { return 0.0 };
+        let blocks = self.brightest_of_blocks(level);
+        let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
+        for (i, texel) in level.texels.iter().enumerate() {
+            let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
+            let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, i)]);
+            for c in 0..3 {
+                let value = f64::from(texel[c]).min(format.largest(c));
+                room[c] += self.precision.tolerance_in(c, value, brightest);
+                sum[c] += value;
+            }
+        }
+        (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
+    }
+
+    /// The brightest value of each block, where texels are stored in such.
+    fn brightest_of_blocks(&self, level: &CubeLevel) -> Option<Vec<f64>> {
+        let faces = level.texels.chunks_exact(level.size * level.size);
+        let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(level.size, level.size, face.as_flattened());
+        (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
     }
 
     /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the
@@ -154,14 +177,18 @@ impl EnvironmentValues<'_> {
         exactly: bool,
     ) -> Vec<Deviation> {
         let mean = panorama.mean();
+        let blocks = self.brightest_of_blocks(level);
         texels
             .into_par_iter()
             .flat_map_iter(|texel| {
                 let wanted = truth(texel);
+                let wanted = [0, 1, 2].map(|c| self.precision.fit(c, wanted[c]));
+                let of_texel = wanted.into_iter().fold(0.0, f64::max);
+                let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, texel)]);
                 (0..3).map(move |c| {
-                    let wanted = wanted[c].clamp(-self.largest, self.largest);
+                    let wanted = wanted[c];
                     let scale = wanted.abs().max(DARK_FLOOR * mean[c].abs());
-                    let rounding = 0.5 * (self.ulp)(wanted.abs() * (1.0 + 1e-3)); // the ulp of the larger neighbour
+                    let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
                     Deviation { place: place(level.size, texel, c), figure, limit }
@@ -169,6 +196,13 @@ impl EnvironmentValues<'_> {
             })
             .collect()
     }
+}
+
+/// The block of a texel of a cube, face after face.
+fn block(level: &CubeLevel, texel: usize) -> usize {
+    let area = level.size * level.size;
+    let per_face = level.size.div_ceil(bc6h::BLOCK).pow(2);
+    texel / area * per_face + bc6h::block_of(level.size, texel % area)
 }
 
 /// Texels of a level seen at an angle that are summed over the panorama, and the error of that sum.
@@ -182,7 +216,7 @@ const RESOLVED: f64 = 4.0;
 const TEXEL_SUM: f64 = 4e-3;
 
 /// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
+fn mean_check(level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
     let cube = Cube { size: level.size, texels: level.texels.clone() };
     let (found, wanted) = (cube.mean(), panorama.mean());
     let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
@@ -192,7 +226,7 @@ fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
         "mean over the sphere against the input's, relative",
         &level.name,
         figure,
-        TEXEL_SUM + SIGMAS * level.rms_error,
+        TEXEL_SUM + SIGMAS * level.rms_error + packing,
         detail,
     )
 }

@@ -20,11 +20,11 @@ use std::path::{Path, PathBuf};
 /// Prefilter one environment: specular chain, irradiance and spherical harmonics
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json. Orientation: +Y up; a direction d \
+    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json; the extension is that of --format. Orientation: +Y up; a direction d \
                         samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
 )]
 pub struct Env {
-    /// Panorama (.hdr, .exr), cube (.ktx2; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
+    /// Panorama (.hdr, .exr), cube (.ktx2, .ktx, .dds, .env; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
     /// builtin:NAME, see `kiln list environments`. Of several, each gets a folder of its name, those that are baked already are
     /// skipped, and one that fails does not stop the others
     #[arg(required = true, value_name = "INPUT")]
@@ -62,7 +62,7 @@ pub struct Env {
     /// Bands of spherical harmonics in sh.json, up to 10: more than 3 stand beside the nine coefficients
     #[arg(long, value_name = "N", default_value_t = 3)]
     sh_bands: usize,
-    /// Container and texel format of the cubes
+    /// Container and texel format of the cubes, such as ktx2:rgb9e5+zstd, dds:bc6h, ktx1:b10g11r11, env: see `kiln list formats`
     #[arg(long, default_value = "ktx2:rgba16f")]
     format: FormatSpec,
     /// What the input is read as
@@ -309,7 +309,7 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         levels.join(", "),
         baked.certificate.checks.len()
     ));
-    warn_of_packing(console, &target.display().to_string(), &baked.certificate.packing);
+    warn_of_packing(console, &target.display().to_string(), recipe.cube_format()?, &baked.certificate.packing);
     Ok(baked.certificate)
 }
 

@@ -4,9 +4,9 @@ use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
-use kiln::format::FormatSpec;
+use kiln::format::{Container, FormatSpec};
 use kiln::math::warp::Warp;
-use kiln::pack::{Number, TexelFormat};
+use kiln::pack::{PackReport, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
@@ -36,13 +36,13 @@ pub struct Table {
     /// Texels along the axes, such as 64x64 or 16x16x16
     #[arg(long, value_name = "WxHxD")]
     size: Option<String>,
-    /// Container and number format, such as exr:f32, ktx2:rg16f [default: by the file's extension]
+    /// Container and number format, such as exr:f32, ktx2:rg16f: see `kiln list formats` [default: by the file's extension]
     #[arg(long)]
     format: Option<FormatSpec>,
     /// Axes, one to three, x first
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<Axis>,
-    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume in a KTX2, slices in an EXR]
+    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume where the format has it, slices in an EXR, else atlas]
     #[arg(long)]
     layout: Option<Layout>,
     /// Quantities, one per channel, instead of the table's own: see `kiln list quantities`
@@ -97,8 +97,9 @@ impl Table {
 
     fn format(&self, n_channels: usize) -> Result<FormatSpec> {
         let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        let container = Container::of_extension(&extension);
         if let Some(format) = self.format {
-            if ["exr", "ktx2"].contains(&extension.as_str()) && extension != format.extension() {
+            if container.is_some() && extension != format.extension() {
                 return Err(Error::usage(
                     format!("{} is not a file of format {format}", self.output.display()),
                     format!("call it something.{}, or leave --format out", format.extension()),
@@ -106,20 +107,13 @@ impl Table {
             }
             return Ok(format);
         }
-        match extension.as_str() {
-            "exr" => Ok(FormatSpec::Exr(Number::F32)),
-            "ktx2" => {
-                let channels = match n_channels {
-                    3 => 4,
-                    n => n,
-                };
-                Ok(FormatSpec::Ktx2(TexelFormat::new(channels, Number::F16)?))
-            }
-            _ => Err(Error::usage(
+        let container = container.ok_or_else(|| {
+            Error::usage(
                 format!("{} does not say which format it is to have", self.output.display()),
                 "give --format, such as exr:f32 or ktx2:rg16f",
-            )),
-        }
+            )
+        })?;
+        FormatSpec::usual(container, n_channels)
     }
 
     /// The table's own axes, or the given ones; sizes by `--size`, else by the axis, else the table's own.
@@ -172,12 +166,12 @@ pub fn bake_table(recipe: &TableRecipe, folder: &Path, console: &Console) -> Res
     bar.finish_and_clear();
     let baked = baked?;
     let paths = baked.write(folder)?;
-    report(console, &baked.certificate, &paths);
+    report(console, &baked.certificate, recipe.texel_format()?, &paths);
     Ok(baked.certificate)
 }
 
 /// Says what was written and how wrong it may be.
-fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
+fn report(console: &Console, certificate: &Certificate, format: TexelFormat, paths: &[PathBuf]) {
     let Some(path) = paths.first() else { return };
     let errors: Vec<String> = certificate
         .channels
@@ -185,15 +179,22 @@ fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
         .map(|c| format!("{} ±{:.0e} ({}, {})", c.quantity, c.max_error, c.integrator, c.error_kind.name()))
         .collect();
     console.note(&format!("{}: {}; {} checks passed", path.display(), errors.join(", "), certificate.checks.len()));
-    warn_of_packing(console, &path.display().to_string(), &certificate.packing);
+    warn_of_packing(console, &path.display().to_string(), format, &certificate.packing);
 }
 
 /// Says what packing had to change.
-pub fn warn_of_packing(console: &Console, what: &str, packing: &kiln::pack::PackReport) {
+pub fn warn_of_packing(console: &Console, what: &str, format: TexelFormat, packing: &PackReport) {
     if packing.overflowed > 0 {
         console.warn(&format!(
-            "{what}: {} values beyond the largest half float, 65504, were clamped to it; use an f32 format to keep them",
-            packing.overflowed
+            "{what}: {} values beyond the largest that {format} holds, {}, were clamped to it; use an f32 format to keep them",
+            packing.overflowed,
+            format.largest(0)
+        ));
+    }
+    if packing.negative > 0 && !format.is_signed() {
+        console.warn(&format!(
+            "{what}: {} values below zero are 0 in {format}, which has no sign; use rgba16f to keep them",
+            packing.negative
         ));
     }
 }
