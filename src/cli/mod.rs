@@ -10,6 +10,7 @@ mod env;
 mod eval;
 mod info;
 mod list;
+mod shader;
 mod show;
 mod table;
 mod verify;
@@ -51,6 +52,7 @@ enum Verb {
     Verify(verify::Verify),
     Info(info::Info),
     Show(show::Show),
+    Shader(shader::Shader),
     List(list::List),
 }
 
@@ -76,6 +78,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Verify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Shader(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
     }
 }
