@@ -195,7 +195,7 @@ fn ascii(text: &str) -> String {
         plain += match c {
             '\\' => "/", // at the end of a line it would make the next one comment too
             '−' | '–' | '—' => "-",
-            '∫' => "integral of ",
+            '∫' => "integral of",
             'π' => "pi",
             'μ' => "mu",
             'ω' => "omega",

@@ -91,7 +91,7 @@ fn fdez_aguera(name: &str, e: &str) -> Item {
         colour("single", &format!("{name}_reflectance(values, f0)")),
         Statement::Return("single + single * f_avg * lost / (1.0 - f_avg * lost)".to_owned()),
     ];
-    let comment = "Reflectance with multiple scattering under a uniform environment (Fdez-Agueera 2019).";
+    let comment = "Reflectance with multiple scattering under a uniform environment (Fdez-Aguera 2019).";
     function(name, "fdez_aguera", comment, &[("f0", Type::Vec3)], body)
 }
 
