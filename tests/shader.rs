@@ -3,7 +3,7 @@
 mod support;
 
 use kiln::certificate::Certificate;
-use kiln::format::{FormatSpec, exr, ktx2};
+use kiln::format::{Decoded, decode};
 use kiln::integrate::{Integration, Settings};
 use kiln::language::Language;
 use kiln::math::expression::Expression;
@@ -341,18 +341,17 @@ fn bake(name: &str, recipe: &TableRecipe) -> Baked {
         format: format.to_owned(),
         levels: vec![([w, h, d], bytes)],
     };
-    let (texels, textures) = match recipe.format {
-        FormatSpec::Ktx2(format) => {
+    let (texels, textures) = match decode(bytes).unwrap() {
+        Decoded::Texture(texture) => {
             // The bytes of the file go to the page as they are.
-            let texture = ktx2::decode(bytes).unwrap();
-            let values: Vec<f32> = (0..texture.layers(0)).flat_map(|z| texture.face(0, z).unwrap()).collect();
-            let values: Vec<f32> = values.chunks_exact(format.channels).flat_map(|t| t[..n].to_vec()).collect();
+            let format = texture.format;
+            let values = texture.values(0);
+            let values: Vec<f32> = values.chunks_exact(format.channels()).flat_map(|t| t[..n].to_vec()).collect();
             let kind = if arrangement.is_volume() { "3d" } else { "2d" };
             let level = texture.levels[0].clone();
             (arrangement.gather(&values), vec![flat(&format.to_string(), arrangement.size, level, "table", kind)])
         }
-        FormatSpec::Exr(_) => {
-            let image = exr::decode(bytes).unwrap();
+        Decoded::Picture(image, _) => {
             let names = arrangement.names(&spec.channels.iter().map(|c| c.quantity.name).collect::<Vec<_>>());
             let order: Vec<usize> = names.iter().map(|name| image.channel_index(name).unwrap()).collect();
             let all = image.channels.len();
@@ -377,6 +376,7 @@ fn bake(name: &str, recipe: &TableRecipe) -> Baked {
                 .collect();
             (table, textures)
         }
+        Decoded::Array(_) => panic!("{name} is a texture or a picture"),
     };
     let shader = Shader::of_table(name, &baked.certificate).unwrap();
     Baked { spec, certificate: baked.certificate, shader, texels: texels.into_iter().map(f64::from).collect(), textures }

@@ -4,7 +4,7 @@ use super::{Baked, ShFile};
 use crate::certificate::{self, Certificate};
 use crate::environment::spherical_harmonics::SphericalHarmonics;
 use crate::error::{Error, Result};
-use crate::format::{FileKind, exr, ktx2};
+use crate::format::{FileKind, decode};
 use crate::language::Language;
 use crate::recipe::Recipe;
 use crate::shader::{Shader, combined, identifier, identifiers};
@@ -64,12 +64,12 @@ pub fn combined_shader(recipe: &Recipe, certificates: &[Certificate], folder: &P
 pub fn shader_of(path: &Path, name: Option<&str>) -> Result<Shader> {
     let file = if path.is_dir() { path.join("certificate.json") } else { path.to_owned() };
     let bytes = std::fs::read(&file).map_err(|e| Error::reading(&file, e))?;
-    let metadata = match FileKind::of(&bytes) {
-        FileKind::Ktx2 => ktx2::decode(&bytes)?.metadata,
-        FileKind::Exr => exr::decode(&bytes)?.metadata,
-        _ => vec![(certificate::KEY.to_owned(), String::from_utf8_lossy(&bytes).into_owned())],
+    let decoded = match FileKind::of(&bytes) {
+        FileKind::Other(_) => None, // a certificate by itself is text
+        _ => Some(decode(&bytes)?),
     };
-    let json = metadata.iter().find(|(key, _)| key == certificate::KEY).map(|(_, json)| json).ok_or_else(|| {
+    let text = String::from_utf8_lossy(&bytes);
+    let json = decoded.as_ref().map_or(Some(text.as_ref()), |d| d.metadata(certificate::KEY)).ok_or_else(|| {
         Error::invalid("no certificate in it", "name a file that Kiln baked, or its certificate.json")
     })?;
     let certificate = Certificate::from_json(json)?;

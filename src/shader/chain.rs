@@ -1,7 +1,7 @@
 //! Looking up an environment: which level, in which direction.
 
 use super::code::{Function, Item, Statement, Type};
-use super::{Shader, harmonics};
+use super::{Shader, harmonics, packing};
 use crate::certificate::Certificate;
 use crate::environment::spherical_harmonics::SphericalHarmonics;
 use crate::error::{Error, Result};
@@ -66,7 +66,17 @@ pub(super) fn shader(
         })
     };
     let level = level_of_roughness(&recipe.level_roughness())?;
-    let mut items = vec![
+    let decoder = packing::decoder(name, recipe.format.texel(3)?);
+    let sample = |texture: &str, direction: &str, level: &str| {
+        let texel = format!("sample({texture}, {name}_direction({direction}), {level})");
+        if decoder.is_some() { format!("{name}_decode({texel})") } else { format!("{texel}.xyz") }
+    };
+    let [specular, irradiance] = [
+        sample("specular", "mirror", &format!("{name}_level(roughness)")),
+        sample("irradiance", "normal", "0.0"),
+    ];
+    let mut items: Vec<Item> = decoder.into_iter().collect();
+    items.extend([
         function(
             "direction",
             "The direction that the cubes hold for a direction of the world, which is right-handed, +Y up.",
@@ -76,7 +86,7 @@ pub(super) fn shader(
         ),
         function(
             "level",
-            "The level of specular.ktx2 that is filtered for a roughness (of the artist's kind: alpha = roughness^2).",
+            "The level of the specular cube that is filtered for a roughness (of the artist's kind: alpha = roughness^2).",
             &[("roughness", Type::Float)],
             Type::Float,
             level.to_string(),
@@ -86,24 +96,25 @@ pub(super) fn shader(
             "The environment in a mirror direction as a surface of that roughness reflects it.",
             &[("specular", Type::Cube), ("mirror", Type::Vec3), ("roughness", Type::Float)],
             Type::Vec3,
-            format!("sample(specular, {name}_direction(mirror), {name}_level(roughness)).xyz"),
+            specular,
         ),
         function(
             "irradiance",
-            "Irradiance over pi, of irradiance.ktx2: times the albedo it is what a diffuse surface reflects.",
+            "Irradiance over pi, of the irradiance cube: times the albedo it is what a diffuse surface reflects.",
             &[("irradiance", Type::Cube), ("normal", Type::Vec3)],
             Type::Vec3,
-            format!("sample(irradiance, {name}_direction(normal), 0.0).xyz"),
+            irradiance,
         ),
-    ];
+    ]);
     items.extend(harmonics::items(name, sh.map(|sh| (sh, certificate.sh))));
     Ok(Shader { head: head(recipe, certificate), items })
 }
 
 fn head(recipe: &EnvironmentRecipe, certificate: &Certificate) -> String {
     let mut head = format!(
-        "The environment {}: specular.ktx2, irradiance.ktx2, sh.json; code by Kiln {}, from their certificate.\n\n",
+        "The environment {}, cubes of {}; code by Kiln {}, from their certificate.\n\n",
         recipe.input,
+        recipe.format,
         env!("CARGO_PKG_VERSION")
     );
     for level in &certificate.levels {

@@ -2,8 +2,8 @@
 //!
 //! Where a texel lies is not known here: the axis writes the formula from a parameter to a texture coordinate
 //! ([`Axis::coordinate`]), the arrangement that of an atlas ([`Arrangement::atlas_coordinate`]). What is known here is how functions
-//! are called and put together: `table` for a table, `energy` for what is done with its values, `chain` and `harmonics` for an
-//! environment; `code` prints them in each language.
+//! are called and put together: `table` for a table, `energy` for what is done with its values, `packing` for texels that are codes, `chain` and `harmonics`
+//! for an environment; `code` prints them in each language.
 //!
 //! Every name begins with that of the file, so that the code of several files can stand in one shader.
 //!
@@ -15,6 +15,7 @@ mod code;
 mod energy;
 mod harmonics;
 mod identifier;
+mod packing;
 mod table;
 
 pub use chain::level_of_roughness;

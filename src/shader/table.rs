@@ -1,7 +1,7 @@
 //! Looking up a table.
 
 use super::code::{Function, Item, Statement, Type};
-use super::{Shader, energy, identifier};
+use super::{Shader, energy, identifier, packing};
 use crate::certificate::Certificate;
 use crate::error::Result;
 use crate::math::expression::Expression;
@@ -17,15 +17,24 @@ struct Names<'a> {
     axes: &'a [Axis],
     fields: Vec<String>,
     arrangement: Arrangement,
+    /// Whether texels are codes.
+    is_coded: bool,
 }
 
 pub(super) fn shader(name: &str, recipe: &TableRecipe, certificate: &Certificate) -> Result<Shader> {
     let spec = recipe.spec()?;
     spec.check()?;
     let quantities: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
-    let names =
-        Names { name, axes: &spec.axes, fields: identifier::fields(&quantities), arrangement: recipe.arrangement()? };
+    let decoder = packing::decoder(name, recipe.format.texel(quantities.len())?);
+    let names = Names {
+        name,
+        axes: &spec.axes,
+        fields: identifier::fields(&quantities),
+        arrangement: recipe.arrangement()?,
+        is_coded: decoder.is_some(),
+    };
     let mut items = vec![names.structure(), names.coordinate()];
+    items.extend(decoder);
     if names.arrangement.is_atlas() {
         items.push(names.tile());
     }
@@ -182,12 +191,12 @@ impl Names<'_> {
         for i in 0..self.n_textures() {
             let (texture, texel) = (self.texture(i), self.texel(i));
             let value = if self.arrangement.is_atlas() {
-                let slice = |s: &str| format!("sample({texture}, {}_tile(at.xy, {s}), 0.0)", self.name);
+                let slice = |s: &str| self.sample(&texture, &format!("{}_tile(at.xy, {s})", self.name));
                 format!("mix({}, {}, slice - below)", slice("below"), slice("above"))
             } else if self.is_volume() || self.axes.len() < 3 {
-                format!("sample({texture}, at, 0.0)")
+                self.sample(&texture, "at")
             } else {
-                format!("sample({texture}, at.xy, 0.0)") // one slice, in a picture
+                self.sample(&texture, "at.xy") // one slice, in a picture
             };
             body.push(let_(&texel, Type::Vec4, value));
         }
@@ -207,6 +216,12 @@ impl Names<'_> {
             result: self.values(),
             body,
         })
+    }
+
+    /// The values at a place.
+    fn sample(&self, texture: &str, at: &str) -> String {
+        let texel = format!("sample({texture}, {at}, 0.0)");
+        if self.is_coded { format!("vec4({}_decode({texel}), 1.0)", self.name) } else { texel }
     }
 
     fn texel(&self, i: usize) -> String {
