@@ -78,6 +78,11 @@ fn every_shader() -> Vec<Shader> {
             recipes.push(recipe(&["eon.albedo"], &three, format, layout));
         }
     }
+    for format in ["png:rgbm", "png:rgbp", "png:rgbd"] {
+        let axes = ["mu:8".to_owned(), "roughness:8".to_owned(), "rho:4".to_owned()];
+        recipes.push(recipe(&["ggx.scale", "ggx.bias"], &axes[..2], format, None));
+        recipes.push(recipe(&["eon.albedo"], &axes, format, Some("atlas")));
+    }
     for table in TABLES {
         recipes.push(TableRecipe::named(table.name, "exr:f32".parse().unwrap()).unwrap());
     }

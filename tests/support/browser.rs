@@ -31,10 +31,9 @@ const bytes = async (name) => (await fetch('/' + name)).arrayBuffer();
 </script>
 "#;
 
-/// Two libraries at least ask for modules by name.
+/// Libraries ask for modules by name.
 const IMPORTS: &str = r#"<script type="importmap">{"imports": {
-"three": "/tools/three/build/three.module.js", "three/addons/": "/tools/three/examples/jsm/",
-"@babylonjs/core/": "/tools/@babylonjs/core/"}}</script>
+"three": "/tools/three/build/three.module.js", "three/addons/": "/tools/three/examples/jsm/"}}</script>
 "#;
 
 /// Runs a module in a page of its own; what it posted, or nothing where there is no browser.
