@@ -12,7 +12,7 @@ pub use environment::{
 };
 pub(crate) use environment::{IRRADIANCE, precision};
 pub use shader::{combined_shader, shader_of};
-pub use table::table;
+pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};
 use crate::error::{Error, Result};

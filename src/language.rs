@@ -42,7 +42,10 @@ impl FromStr for Language {
 
     fn from_str(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|language| language.name() == name).ok_or_else(|| {
-            Error::usage(format!("no shading language is called {name:?}"), "use glsl, hlsl or wgsl, or several: glsl,wgsl")
+            Error::usage(
+                format!("no shading language is called {name:?}"),
+                "use glsl, hlsl or wgsl, or several: glsl,wgsl",
+            )
         })
     }
 }

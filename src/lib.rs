@@ -11,7 +11,7 @@
 //! | 4 | [`recipe`] (what to bake) |
 //! | 5 | [`check`], [`certificate`] (facts about a file) |
 //! | 6 | [`shader`] (code that looks up what was baked) |
-//! | 7 | [`bake`], [`verify`] |
+//! | 7 | [`bake`], [`verify`], [`convert`] |
 //! | 8 | [`report`] (previews) |
 //!
 //! # Units
@@ -49,6 +49,7 @@ pub mod bake;
 pub mod certificate;
 pub mod check;
 pub mod colour;
+pub mod convert;
 pub mod environment;
 pub mod error;
 pub mod format;

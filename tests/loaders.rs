@@ -1,6 +1,8 @@
 //! What engines' own renderers make of the environments that Kiln writes: spheres, rendered in headless Chromium, read as floats before
 //! tone mapping, against what the formulas say. A loader that shows black without an error fails here.
 
+#![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
+
 mod support;
 
 use kiln::format::{Image, exr};
@@ -147,9 +149,13 @@ fn threejs_renders_what_kiln_bakes_for_it() {
     // again where the angle is not grazing.
     for (name, f0, roughness) in [("grey", 0.5, 0.6), ("plastic", 0.04, 0.4)] {
         for (normal, colour) in found[name].within(0.8).step_by(37) {
-            let wanted = value("compensation.fdez-aguera", normal[2], roughness_in_threejs(roughness, normal), Some(f0));
+            let wanted =
+                value("compensation.fdez-aguera", normal[2], roughness_in_threejs(roughness, normal), Some(f0));
             for c in colour {
-                assert!((c - wanted).abs() < 0.015 * wanted.max(0.2), "{name} at {normal:?}: {colour:?}, wanted {wanted}");
+                assert!(
+                    (c - wanted).abs() < 0.015 * wanted.max(0.2),
+                    "{name} at {normal:?}: {colour:?}, wanted {wanted}"
+                );
             }
         }
     }

@@ -1,5 +1,7 @@
 //! The shader code that Kiln emits: it compiles in every language, and computes what the library does.
 
+#![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
+
 mod support;
 
 use kiln::certificate::Certificate;
@@ -98,7 +100,8 @@ fn chains() -> Vec<Vec<f64>> {
 }
 
 fn chain_shader(name: &str, roughness: &[f64]) -> Shader {
-    let environment = EnvironmentRecipe { roughness: Some(roughness.to_vec()), ..EnvironmentRecipe::new("builtin:sky") };
+    let environment =
+        EnvironmentRecipe { roughness: Some(roughness.to_vec()), ..EnvironmentRecipe::new("builtin:sky") };
     let panorama = kiln::environment::load("builtin:gradient", &environment.reading()).unwrap().0;
     let sh = kiln::environment::spherical_harmonics::project(&panorama);
     let certificate = Certificate { environment: Some(environment), ..Certificate::new() };
@@ -229,8 +232,7 @@ fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
                     serde_json::json!({ "size": size, "file": file })
                 })
                 .collect();
-            let texture =
-                serde_json::json!({ "name": texture.name, "kind": texture.kind, "format": texture.format, "levels": levels });
+            let texture = serde_json::json!({ "name": texture.name, "kind": texture.kind, "format": texture.format, "levels": levels });
             textures.push(texture);
         }
         let fragment = format!(
@@ -384,7 +386,13 @@ fn bake(name: &str, recipe: &TableRecipe) -> Baked {
         Decoded::Array(_) => panic!("{name} is a texture or a picture"),
     };
     let shader = Shader::of_table(name, &baked.certificate).unwrap();
-    Baked { spec, certificate: baked.certificate, shader, texels: texels.into_iter().map(f64::from).collect(), textures }
+    Baked {
+        spec,
+        certificate: baked.certificate,
+        shader,
+        texels: texels.into_iter().map(f64::from).collect(),
+        textures,
+    }
 }
 
 /// Every layout, one to three axes, half and full floats, more channels than a texture has, ranges, flips and edges.
@@ -406,7 +414,15 @@ fn tables() -> Vec<(&'static str, TableRecipe)> {
         ("tower", recipe(&both, &glass, "exr:f32", Some("atlas:1"))),
         ("slices", recipe(&both, &glass, "exr:f32", None)),
         ("wide", recipe(&compensations, &colour, "exr:f32", None)),
-        ("range", recipe(&["eon.albedo"], &axes("mu:9:0.2..0.8:acos,rho:5:0.1..0.9:sqrt-one-minus:flip,roughness:3:edge"), "ktx2:r32f", None)),
+        (
+            "range",
+            recipe(
+                &["eon.albedo"],
+                &axes("mu:9:0.2..0.8:acos,rho:5:0.1..0.9:sqrt-one-minus:flip,roughness:3:edge"),
+                "ktx2:r32f",
+                None,
+            ),
+        ),
     ]
 }
 
@@ -420,7 +436,8 @@ fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
         let n = baked.spec.axes.len();
         let columns: Vec<Vec<f32>> = baked.spec.axes.iter().map(|a| along(a, POINTS, &mut random)).collect();
         // Shuffled against each other, so that ends meet insides.
-        let point = |i: usize| std::array::from_fn(|a| if a < n { columns[a][(i * (2 * a + 1)) % POINTS] } else { 0.0 });
+        let point =
+            |i: usize| std::array::from_fn(|a| if a < n { columns[a][(i * (2 * a + 1)) % POINTS] } else { 0.0 });
         let points: Vec<[f32; 4]> = (0..POINTS).map(point).collect();
         let arguments = ["p.x", "p.y", "p.z"][..n].join(", ");
         let textures: Vec<String> = baked.textures.iter().map(|t| t.name.clone()).collect();
@@ -434,7 +451,12 @@ fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
                 textures.join(", "),
                 values.join(", ")
             );
-            let textures = baked.textures.iter().map(|t| Texture { levels: t.levels.clone(), name: t.name.clone(), format: t.format.clone(), ..*t });
+            let textures = baked.textures.iter().map(|t| Texture {
+                levels: t.levels.clone(),
+                name: t.name.clone(),
+                format: t.format.clone(),
+                ..*t
+            });
             cases.push(Case {
                 name: format!("{name}{half}"),
                 code,
@@ -475,7 +497,8 @@ fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
                     baked.texels[index * n + channel]
                 };
                 let (ideal, slopes) = sample(&texel, &sizes, &position);
-                let filtering: f64 = slopes.iter().zip(&weight_errors).map(|(s, w)| s * w).sum::<f64>() + 8.0 * ULP * ideal.abs();
+                let filtering: f64 =
+                    slopes.iter().zip(&weight_errors).map(|(s, w)| s * w).sum::<f64>() + 8.0 * ULP * ideal.abs();
                 let got = f64::from(found[&format!("{name}{}", channel / 4)][i][channel % 4]);
                 let what = format!("{name}, {} at {at}: got {got}", baked.spec.channels[channel].quantity.name);
                 assert!((got - ideal).abs() <= filtering, "{what}, by hand {ideal} ± {filtering:e}");
@@ -619,9 +642,17 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
         for (point, found) in case.points.iter().zip(&found[&case.name]) {
             let wanted = formula.evaluate(&|_| point[3].into());
             let (level, seen) = (f64::from(found[0]), f64::from(found[1]));
-            assert!((level - wanted).abs() <= 16.0 * ULP * 4.0, "{roughness:?} at {}: level {level}, wanted {wanted}", point[3]);
+            assert!(
+                (level - wanted).abs() <= 16.0 * ULP * 4.0,
+                "{roughness:?} at {}: level {level}, wanted {wanted}",
+                point[3]
+            );
             // Hardware blends levels in steps of 1/256, too.
-            assert!((seen - wanted).abs() <= SUBTEXEL, "{roughness:?} at {}: saw level {seen}, wanted {wanted}", point[3]);
+            assert!(
+                (seen - wanted).abs() <= SUBTEXEL,
+                "{roughness:?} at {}: saw level {seen}, wanted {wanted}",
+                point[3]
+            );
         }
         let case = &cases[2 * i + 1];
         let environment = EnvironmentRecipe::new("builtin:gradient");
@@ -665,4 +696,50 @@ fn direction(random: &mut Random) -> [f32; 3] {
             return d.normalize().as_vec3().to_array();
         }
     }
+}
+
+#[test]
+fn the_command_writes_code_beside_what_it_bakes() {
+    use support::kiln::{fail, listing, succeed};
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let table =
+        ["-q", "table", "ggx-albedo-avg", "--size", "4", "-o", "avg.ktx2", "--shader", "wgsl,glsl", "--shader", "glsl"];
+    succeed(folder.path(), &table);
+    assert_eq!(listing(folder.path()), ["avg.ktx2", "avg.ktx2.certificate.json", "avg.lookup.glsl", "avg.lookup.wgsl"]);
+    for language in ["glsl", "wgsl"] {
+        let printed = succeed(folder.path(), &["shader", "avg.ktx2", "--language", language]).stdout;
+        assert_eq!(printed, read(&format!("avg.lookup.{language}")));
+    }
+    // The certificate alone is enough.
+    let printed = succeed(folder.path(), &["shader", "avg.ktx2.certificate.json", "--name", "my table"]).stdout;
+    assert!(printed.contains("my_table_values my_table_lookup(highp sampler2D table, float roughness)"), "{printed}");
+
+    let sky =
+        ["-q", "env", "builtin:gradient", "--size", "8", "--min-size", "4", "--irradiance-size", "4", "--out", "sky"];
+    succeed(folder.path(), &[&sky[..], &["--shader", "glsl"]].concat());
+    for place in ["sky", "sky/specular.ktx2", "sky/certificate.json"] {
+        assert_eq!(succeed(folder.path(), &["shader", place]).stdout, read("sky/lookup.glsl"), "{place}");
+    }
+    assert!(read("sky/lookup.glsl").contains("vec3 environment_sh(vec3 normal)"));
+
+    // One file for a whole bake, names made different.
+    let entry = |file: &str| {
+        format!(
+            "[[table]]\nfile = \"{file}\"\nformat = \"exr:f32\"\nchannels = [\"ggx.albedo_avg\"]\naxes = [\"roughness:4\"]\n"
+        )
+    };
+    let recipe = format!("recipe = 1\nshader = [\"hlsl\"]\n{}{}", entry("a.exr"), entry("b/a.exr"));
+    std::fs::write(folder.path().join("mine.toml"), recipe).unwrap();
+    succeed(folder.path(), &["-q", "bake", "mine.toml", "--out", "all"]);
+    let code = read("all/lookup.hlsl");
+    assert!(code.contains("a_values a_lookup(") && code.contains("a_exr_values a_exr_lookup("), "{code}");
+    let printed = succeed(folder.path(), &["bake", "mine.toml", "--print-recipe", "--shader", "wgsl"]).stdout;
+    assert!(printed.contains("shader = [\"wgsl\"]"), "{printed}");
+
+    let error = fail(folder.path(), &["table", "dfg", "-o", "dfg.ktx2", "--shader", "metal"], 2);
+    assert!(error.contains("glsl, hlsl or wgsl"), "{error}");
+    std::fs::write(folder.path().join("none.txt"), "hello").unwrap();
+    fail(folder.path(), &["shader", "none.txt"], 1);
+    fail(folder.path(), &["shader", "missing.ktx2"], 1);
 }

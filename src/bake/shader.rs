@@ -24,7 +24,8 @@ impl Baked {
         if languages.is_empty() {
             return Ok(());
         }
-        let sh = self.files.iter().find(|(path, _)| path.ends_with(SH)).map(|(_, bytes)| harmonics(bytes)).transpose()?;
+        let sh =
+            self.files.iter().find(|(path, _)| path.ends_with(SH)).map(|(_, bytes)| harmonics(bytes)).transpose()?;
         let shader = shader(&name_of(&self.certificate), &self.certificate, sh.as_ref())?;
         for language in languages {
             let path = match (&self.certificate.table, &self.certificate.environment) {

@@ -238,7 +238,8 @@ impl fmt::Display for Expression {
                     Operator::Divide => "/",
                 };
                 // To the right, an operator of the same rank needs brackets too: a − (b − c); it keeps f32 sums in our order as well.
-                let bracket = |e: &Self, least: u8| if e.precedence() < least { format!("({e})") } else { e.to_string() };
+                let bracket =
+                    |e: &Self, least: u8| if e.precedence() < least { format!("({e})") } else { e.to_string() };
                 let rank = operator.precedence();
                 write!(f, "{} {sign} {}", bracket(a, rank), bracket(b, rank + 1))
             }

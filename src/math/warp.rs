@@ -189,7 +189,10 @@ mod tests {
             for i in 1..=1000 {
                 let x = f64::from(i) / 1000.0;
                 let (got, wanted) = (code.evaluate(&|_| x), warp.forward(x));
-                assert!((got - wanted).abs() <= bound * wanted.abs().max(1.0), "{warp} at {x}: got {got}, wanted {wanted}");
+                assert!(
+                    (got - wanted).abs() <= bound * wanted.abs().max(1.0),
+                    "{warp} at {x}: got {got}, wanted {wanted}"
+                );
             }
         }
     }

@@ -18,7 +18,10 @@ use crate::recipe::EnvironmentRecipe;
 pub fn level_of_roughness(levels: &[f64]) -> Result<Expression> {
     let roughness = Expression::variable("roughness");
     let (Some(&first), last) = (levels.first(), levels.len().saturating_sub(1)) else {
-        return Err(Error::usage("a chain without levels", "give one roughness per level, such as --roughness 0,0.5,1"));
+        return Err(Error::usage(
+            "a chain without levels",
+            "give one roughness per level, such as --roughness 0,0.5,1",
+        ));
     };
     if let Some(pair) = levels.windows(2).find(|pair| pair[1] < pair[0]) {
         return Err(Error::usage(
@@ -32,9 +35,8 @@ pub fn level_of_roughness(levels: &[f64]) -> Result<Expression> {
     let n = last as f64;
     /// Roughnesses closer than this are the same: written with a few digits, they mean the formula.
     const SAME: f64 = 1e-6;
-    let all = |formula: &dyn Fn(f64) -> f64| {
-        levels.iter().enumerate().all(|(m, r)| (r - formula(m as f64 / n)).abs() < SAME)
-    };
+    let all =
+        |formula: &dyn Fn(f64) -> f64| levels.iter().enumerate().all(|(m, r)| (r - formula(m as f64 / n)).abs() < SAME);
     if all(&|t| first + t * (levels[last] - first)) && levels[last] > first {
         return Ok(((roughness - first) * (n / (levels[last] - first))).clamp(0.0, n));
     }
@@ -71,10 +73,8 @@ pub(super) fn shader(
         let texel = format!("sample({texture}, {name}_direction({direction}), {level})");
         if decoder.is_some() { format!("{name}_decode({texel})") } else { format!("{texel}.xyz") }
     };
-    let [specular, irradiance] = [
-        sample("specular", "mirror", &format!("{name}_level(roughness)")),
-        sample("irradiance", "normal", "0.0"),
-    ];
+    let [specular, irradiance] =
+        [sample("specular", "mirror", &format!("{name}_level(roughness)")), sample("irradiance", "normal", "0.0")];
     let mut items: Vec<Item> = decoder.into_iter().collect();
     items.extend([
         function(
@@ -137,9 +137,13 @@ mod tests {
     #[test]
     fn every_level_is_found_at_its_own_roughness() {
         let quadratic: Vec<f64> = (0..5).map(|m| 1.0 - (1.0 - f64::from(m) / 4.0).sqrt()).collect();
-        for levels in
-            [vec![0.0, 0.25, 0.5, 0.75, 1.0], quadratic, vec![0.1, 0.2, 0.6, 0.9], vec![0.0, 0.125, 1.0], vec![0.3, 0.8]]
-        {
+        for levels in [
+            vec![0.0, 0.25, 0.5, 0.75, 1.0],
+            quadratic,
+            vec![0.1, 0.2, 0.6, 0.9],
+            vec![0.0, 0.125, 1.0],
+            vec![0.3, 0.8],
+        ] {
             for (m, &roughness) in levels.iter().enumerate() {
                 let found = level(&levels, roughness);
                 assert!((found - m as f64).abs() < 1e-12, "{levels:?} at {roughness}: level {found}");
@@ -160,7 +164,10 @@ mod tests {
     fn between_levels_the_roughness_is_linear() {
         assert_eq!(level(&[0.0, 0.2, 1.0], 0.1), 0.5);
         assert!((level(&[0.0, 0.2, 1.0], 0.4) - 1.25).abs() < 1e-12);
-        assert_eq!(level_of_roughness(&[0.0, 0.5, 1.0]).expect("a chain").to_string(), "clamp(roughness * 2.0, 0.0, 2.0)");
+        assert_eq!(
+            level_of_roughness(&[0.0, 0.5, 1.0]).expect("a chain").to_string(),
+            "clamp(roughness * 2.0, 0.0, 2.0)"
+        );
         assert_eq!(level(&[0.5], 0.9), 0.0);
         assert_eq!((level(&[0.0, 0.5, 0.5, 1.0], 0.499) < 1.0, level(&[0.0, 0.5, 0.5, 1.0], 0.5)), (true, 2.0));
     }

@@ -3,8 +3,8 @@
 //! The formulas are those of [`crate::table::compensation`], with the reflectance F0 of a coloured surface.
 
 use super::code::{Function, Item, Statement, Type};
-use crate::model::fresnel::{MU_82, f82_dip, schlick_weight};
 use crate::math::expression::literal;
+use crate::model::fresnel::{MU_82, f82_dip, schlick_weight};
 
 /// The lobes whose tables these formulas are for.
 const LOBES: [&str; 2] = ["ggx", "beckmann"];
@@ -21,8 +21,7 @@ pub(super) fn items(name: &str, quantities: &[&str], fields: &[String]) -> Vec<I
             Some(format!("values.{}", fields[at]))
         };
         let split = field("scale").zip(field("bias"));
-        let albedo =
-            field("albedo").or_else(|| split.as_ref().map(|(scale, bias)| format!("({scale} + {bias})")));
+        let albedo = field("albedo").or_else(|| split.as_ref().map(|(scale, bias)| format!("({scale} + {bias})")));
         if let Some((scale, bias)) = &split {
             items.push(reflectance(name, scale, bias));
             if let Some(f82) = field("f82") {

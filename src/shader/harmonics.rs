@@ -40,7 +40,9 @@ pub(super) fn items(name: &str, known: Option<(&SphericalHarmonics, Option<ShFit
         });
         items.push(function(
             &format!("{name}_sh"),
-            &format!("Irradiance over pi in a unit direction, of the nine coefficients that are negative nowhere.{fit}"),
+            &format!(
+                "Irradiance over pi in a unit direction, of the nine coefficients that are negative nowhere.{fit}"
+            ),
             &[("normal", Type::Vec3)],
             &written,
         ));

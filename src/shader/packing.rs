@@ -25,8 +25,5 @@ pub(super) fn decoder(name: &str, format: TexelFormat) -> Option<Item> {
 }
 
 fn squared(root: &str) -> Vec<Statement> {
-    vec![
-        Statement::Let("root".to_owned(), Type::Vec3, root.to_owned()),
-        Statement::Return("root * root".to_owned()),
-    ]
+    vec![Statement::Let("root".to_owned(), Type::Vec3, root.to_owned()), Statement::Return("root * root".to_owned())]
 }

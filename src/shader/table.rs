@@ -165,8 +165,9 @@ impl Names<'_> {
     fn tile(&self) -> Item {
         let [u, v] = self.arrangement.atlas_coordinate(["at.x", "at.y", "slice"].map(Expression::variable));
         Item::Function(Function {
-            comment: "Where in the picture a place of a slice is; half a texel within it, so that filtering stays inside."
-                .to_owned(),
+            comment:
+                "Where in the picture a place of a slice is; half a texel within it, so that filtering stays inside."
+                    .to_owned(),
             name: format!("{}_tile", self.name),
             parameters: vec![("at".to_owned(), Type::Vec2), ("slice".to_owned(), Type::Float)],
             result: Type::Vec2,

@@ -251,9 +251,12 @@ mod tests {
     #[test]
     fn the_code_of_an_atlas_finds_every_texel() {
         for layout in ["atlas:1", "atlas:2", "atlas:5"] {
-            let arrangement =
-                Arrangement::new(&spec("mu:3,alpha:4,eta:5:1..2"), "exr".parse().unwrap(), Some(layout.parse().unwrap()))
-                    .unwrap();
+            let arrangement = Arrangement::new(
+                &spec("mu:3,alpha:4,eta:5:1..2"),
+                "exr".parse().unwrap(),
+                Some(layout.parse().unwrap()),
+            )
+            .unwrap();
             assert!(arrangement.is_atlas());
             let [x, y] = arrangement.atlas_coordinate(["u", "v", "slice"].map(Expression::variable));
             for index in 0..60 {

@@ -163,7 +163,8 @@ impl Served {
         match self.content(path.split('?').next()?) {
             Some((kind, content)) => respond(stream, "200 OK", kind, &content),
             None => {
-                let _ = self.posted.lock().ok()?.send(Posted::Error(format!("it asked for {path}, which is not there")));
+                let _ =
+                    self.posted.lock().ok()?.send(Posted::Error(format!("it asked for {path}, which is not there")));
                 respond(stream, "404 Not Found", "text/plain", b"");
             }
         }
@@ -190,6 +191,7 @@ impl Served {
 
 fn respond(mut stream: TcpStream, status: &str, kind: &str, content: &[u8]) {
     let length = content.len();
-    let head = format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n");
+    let head =
+        format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n");
     let _ = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(content));
 }

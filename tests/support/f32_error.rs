@@ -51,7 +51,8 @@ pub fn evaluate(formula: &Expression, variables: &dyn Fn(&str) -> f64) -> Approx
             let value = function.apply(&arguments.iter().map(|a| a.value).collect::<Vec<_>>());
             let Approximate { value: x, error } = arguments[0];
             // A monotone function of an argument that is off is off by no more than at the farther end.
-            let spread = |f: &dyn Fn(f64) -> f64| (f(x + error) - value).abs().max((value - f((x - error).max(0.0))).abs());
+            let spread =
+                |f: &dyn Fn(f64) -> f64| (f(x + error) - value).abs().max((value - f((x - error).max(0.0))).abs());
             match function {
                 Function::Abs => Approximate { value, error },
                 Function::Clamp => {
