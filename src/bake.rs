@@ -3,6 +3,7 @@
 //! Pure: nothing here touches a disk. Files are written by [`Baked::write`], all or none.
 
 mod environment;
+mod shader;
 mod table;
 
 pub use environment::{
@@ -10,6 +11,7 @@ pub use environment::{
     source,
 };
 pub(crate) use environment::{IRRADIANCE, precision};
+pub use shader::{combined_shader, shader_of};
 pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};

@@ -14,6 +14,7 @@ mod furnace;
 mod info;
 mod list;
 mod man;
+mod shader;
 mod show;
 mod table;
 mod verify;
@@ -55,6 +56,7 @@ enum Verb {
     Verify(verify::Verify),
     Info(info::Info),
     Show(show::Show),
+    Shader(shader::Shader),
     Convert(convert::Convert),
     List(list::List),
     Completions(completions::Completions),
@@ -83,6 +85,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Verify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Shader(verb) => verb.run(console),
         Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
         Verb::Completions(verb) => verb.run(console),
