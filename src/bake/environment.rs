@@ -3,9 +3,9 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
+use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, FullSum, InputReport, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, ktx2};
 use crate::integrate::{ErrorKind, Integrator};
@@ -127,14 +127,15 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
     let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
-    let (specular, irradiance) = filter(recipe, panorama, progress)?;
+    let truth = FullSum::new(panorama);
+    let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
     let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format.number);
     let judged = EnvironmentValues { levels: &values, ulp: ulp(format.number), largest: largest(format.number) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
     let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
-    checks.extend(judged.against(panorama, recipe.integration.seed, false));
+    checks.extend(judged.against_truth(&truth, panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
     let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
     let sh_bytes = json(&sh)?;
@@ -182,12 +183,17 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
 type Filtered = (Cube, LevelReport);
 
 /// The specular chain and the irradiance cube, with as many samples as the settings ask for.
-fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -> Result<(Vec<Filtered>, Filtered)> {
+fn filter(
+    recipe: &EnvironmentRecipe,
+    panorama: &Panorama,
+    truth: &FullSum,
+    progress: Progress,
+) -> Result<(Vec<Filtered>, Filtered)> {
     let settings = recipe.integration;
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) = chain_and_irradiance(panorama, &spec, recipe.irradiance_size, progress)?;
+        let (chain, irradiance) = chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {

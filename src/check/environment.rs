@@ -38,7 +38,8 @@ pub struct EnvironmentValues<'a> {
 
 /// A value that is wrong by how much, and by how much it may be.
 struct Deviation {
-    place: String,
+    /// The texel, and its channel.
+    place: (usize, usize),
     figure: f64,
     limit: f64,
 }
@@ -49,15 +50,15 @@ impl Deviation {
     }
 }
 
-fn worst(name: &str, subject: &str, deviations: Vec<Deviation>) -> Option<Check> {
+fn worst(name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
     let count = deviations.len();
     let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
-    let detail = format!("worst of {count} at {}", worst.place);
-    Some(Check::at_most(name, subject, worst.figure, worst.limit, detail))
+    let detail = format!("worst of {count} at {}", place(level.size, worst.place));
+    Some(Check::at_most(name, &level.name, worst.figure, worst.limit, detail))
 }
 
 /// Where a texel is, for a report.
-fn place(size: usize, texel: usize, channel: usize) -> String {
+fn place(size: usize, (texel, channel): (usize, usize)) -> String {
     let (face, rest) = (texel / (size * size), texel % (size * size));
     let (face, channel) = (["+X", "-X", "+Y", "-Y", "+Z", "-Z"][face], ["R", "G", "B"][channel]);
     format!("face {face}, texel {}, {}, {channel}", rest % size, rest / size)
@@ -89,14 +90,18 @@ impl EnvironmentValues<'_> {
     /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
     /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
     pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
-        let sum = FullSum::new(panorama);
+        self.against_truth(&FullSum::new(panorama), panorama, seed, full)
+    }
+
+    /// The same, with a full sum of the panorama that others use too.
+    pub(crate) fn against_truth(&self, sum: &FullSum, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
         let mut checks = vec![];
         for (index, level) in self.levels.iter().enumerate() {
             if is_constant {
                 let deviations = self.compare(level, panorama, all(level), |_| constant, true);
-                checks.extend(worst("distance from the constant input", &level.name, deviations));
+                checks.extend(worst("distance from the constant input", level, deviations));
                 continue;
             }
             let alpha = alpha_of_roughness(level.roughness);
@@ -104,12 +109,13 @@ impl EnvironmentValues<'_> {
                 let average = area_average(panorama, level.size);
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
-                checks.extend(worst("exact area average at every texel", &level.name, deviations));
+                checks.extend(worst("exact area average at every texel", level, deviations));
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
                 checks.push(mean_check(level, panorama));
             }
+            sum.prepare();
             let kernel = Kernel::new(alpha);
             let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
             let name = if full {
@@ -118,7 +124,7 @@ impl EnvironmentValues<'_> {
                 format!("full sum at {} texels", texels.len())
             };
             let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
-            checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
+            checks.extend(worst(&name, level, self.compare(level, panorama, texels, truth, false)));
         }
         checks
     }
@@ -142,7 +148,7 @@ impl EnvironmentValues<'_> {
                     let rounding = 0.5 * (self.ulp)(wanted.abs() * (1.0 + 1e-3)); // the ulp of the larger neighbour
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
-                    Deviation { place: place(level.size, texel, c), figure, limit }
+                    Deviation { place: (texel, c), figure, limit }
                 })
             })
             .collect()

@@ -16,17 +16,18 @@ use super::panorama::Panorama;
 /// as exactly its constant, and the flux is conserved to rounding.
 pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
     let mean = panorama.mean();
-    let all_rows = Wedges::new(panorama, mean, panorama.height(), false);
-    let south = Wedges::new(panorama, mean, cap_rows(panorama.height()), true);
-
     let angles = solid_angles(size);
-    let faces: Vec<Vec<[f64; 3]>> = (0..6)
-        .map(|face| match face {
-            2 => top_face(&all_rows, size),
-            3 => flip_rows(top_face(&south, size), size),
-            side => side_face(&all_rows, size, CENTRES[side]),
-        })
-        .collect();
+    // The faces at the side reach 45° below the equator. One set of wedges at a time: they are larger than the panorama.
+    let height = panorama.height();
+    let north = Wedges::new(panorama, mean, (3 * height / 4 + 2).min(height), false);
+    let [right, left, top, front, back] = [0, 1, 2, 4, 5].map(|face| match face {
+        2 => top_face(&north, size),
+        side => side_face(&north, size, CENTRES[side]),
+    });
+    drop(north);
+    let south = Wedges::new(panorama, mean, cap_rows(height), true);
+    let bottom = flip_rows(top_face(&south, size), size);
+    let faces = [right, left, top, bottom, front, back];
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());

@@ -147,10 +147,21 @@ pub fn chain_and_irradiance(
     irradiance_size: usize,
     finished: &(dyn Fn(u64) + Sync),
 ) -> Result<(Chain, (Cube, LevelReport))> {
+    chain_and_irradiance_beside(&FullSum::new(panorama), panorama, spec, irradiance_size, finished)
+}
+
+/// The same, with a full sum of the panorama that others use too.
+pub(crate) fn chain_and_irradiance_beside(
+    truth: &FullSum,
+    panorama: &Panorama,
+    spec: &ChainSpec,
+    irradiance_size: usize,
+    finished: &(dyn Fn(u64) + Sync),
+) -> Result<(Chain, (Cube, LevelReport))> {
     spec.check()?;
     check_irradiance(irradiance_size)?;
     let roughness: Vec<f64> = spec.roughness.iter().copied().chain([1.0]).collect();
-    let filter = Filter::new(panorama, spec, &roughness);
+    let filter = Filter::beside(truth.clone(), panorama, spec, &roughness);
     Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, finished)))
 }
 
@@ -177,15 +188,19 @@ enum Witness<'a> {
 impl<'a> Filter<'a> {
     /// A filter for levels of these roughnesses.
     pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec, roughness: &[f64]) -> Self {
+        Self::beside(FullSum::new(panorama), panorama, spec, roughness)
+    }
+
+    fn beside(truth: FullSum<'a>, panorama: &'a Panorama, spec: &ChainSpec, roughness: &[f64]) -> Self {
         let witness = match spec.integrator {
-            Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
+            Integrator::Quadrature => Witness::Quadrature(truth),
             Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
             Integrator::Auto | Integrator::Zonal => {
                 let mut alphas: Vec<f64> = roughness.iter().map(|&r| alpha_of_roughness(r)).collect();
                 alphas.sort_by(f64::total_cmp);
                 alphas.dedup();
                 let kernels: Vec<Kernel> = alphas.into_iter().filter(|&a| a > 0.0).map(Kernel::new).collect();
-                Witness::Zonal(Zonal::new(panorama, &kernels, InstructionSet::detect()))
+                Witness::Zonal(Zonal::beside(truth, panorama, &kernels, InstructionSet::detect()))
             }
         };
         Self { panorama, samples: spec.samples, witness }

@@ -53,6 +53,14 @@ impl Kernel {
         self.norm * (1.0 - one_minus_cos).max(0.0) / (d * d)
     }
 
+    /// K(c) from c, for loops over many directions: without a branch, and off by rounding of c, 1e-16/(1 − β), where the lobe is high.
+    #[inline(always)]
+    pub(crate) fn at_cosine(&self, cos: f64) -> f64 {
+        let d = self.one_minus_beta + self.beta * (1.0 - cos);
+        let lit = if cos > 0.0 { cos } else { 0.0 };
+        self.norm * lit / (d * d)
+    }
+
     /// K between two unit directions.
     pub fn between(&self, a: DVec3, b: DVec3) -> f64 {
         self.eval(one_minus_cos(a, b))

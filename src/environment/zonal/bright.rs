@@ -85,7 +85,10 @@ impl Bright {
         let mut special = vec![];
         let sum = instructions.run(
             #[inline(always)]
-            || self.sum(axis, kernel, near, &mut special),
+            || match kernel.coefficients().0 {
+                0.0 => self.sum::<true>(axis, kernel, near, &mut special),
+                _ => self.sum::<false>(axis, kernel, near, &mut special),
+            },
         );
         let mut sum = [total(sum[0]), total(sum[1]), total(sum[2])];
         if special.is_empty() {
@@ -100,9 +103,10 @@ impl Bright {
         sum
     }
 
-    /// The sum over the texels that take the second order, and a list of those that do not.
+    /// The sum over the texels that take the second order, and a list of those that do not. A `LINEAR` kernel, N max(c, 0), has no
+    /// second order.
     #[inline(always)]
-    fn sum(&self, axis: DVec3, kernel: &Kernel, near: f64, special: &mut Vec<usize>) -> [V; 3] {
+    fn sum<const LINEAR: bool>(&self, axis: DVec3, kernel: &Kernel, near: f64, special: &mut Vec<usize>) -> [V; 3] {
         let (beta, one_minus_beta, norm) = kernel.coefficients();
         let mut sums = [ZERO; 3];
         for (b, block) in self.blocks.iter().enumerate() {
@@ -110,6 +114,12 @@ impl Bright {
             let mut any = false;
             for (i, weight) in weights.iter_mut().enumerate() {
                 let c = axis.x * block.middle[0][i] + axis.y * block.middle[1][i] + axis.z * block.middle[2][i];
+                if LINEAR {
+                    let odd = c.abs() < self.reach;
+                    any |= odd;
+                    *weight = if c > 0.0 && !odd { norm * c } else { 0.0 };
+                    continue;
+                }
                 let g = axis.x * block.down[0][i] + axis.y * block.down[1][i] + axis.z * block.down[2][i];
                 let h = axis.x * block.across[0][i] + axis.z * block.across[1][i];
                 let d = one_minus_beta + beta * (1.0 - c);

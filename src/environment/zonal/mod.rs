@@ -33,7 +33,7 @@ use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
 use lanes::V;
 use plan::{Plan, WIDE, WIDE_DEGREE, cells, darkest, row_rule};
-use synthesis::Rings;
+use synthesis::{FaceAngles, Rings, angles};
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
 const MOST_PEELED: [usize; 2] = [1024, 64];
@@ -88,16 +88,29 @@ pub struct Function<'a> {
 impl<'a> Zonal<'a> {
     /// Prepares a panorama for these kernels.
     pub fn new(panorama: &'a Panorama, kernels: &[Kernel], instructions: InstructionSet) -> Self {
+        Self::beside(FullSum::new(panorama), panorama, kernels, instructions)
+    }
+
+    /// The same, with a full sum of the panorama that others use too.
+    pub(super) fn beside(
+        exact: FullSum<'a>,
+        panorama: &'a Panorama,
+        kernels: &[Kernel],
+        instructions: InstructionSet,
+    ) -> Self {
         let cells = cells(panorama);
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
-        for kernel in kernels {
-            let darkest = darkest(panorama, &cells, kernel);
-            let side = usize::from(kernel.alpha() <= WIDE);
-            plans[side].extend(Plan::new(*kernel, darkest, WIDE_DEGREE, instructions));
+        let of_kernel = |kernel: &Kernel| {
+            let darkest = darkest(panorama, &cells, kernel, instructions);
+            Plan::new(*kernel, darkest, WIDE_DEGREE, instructions)
+        };
+        let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
+        for plan in all.into_iter().flatten() {
+            plans[usize::from(plan.kernel.alpha() <= WIDE)].push(plan);
         }
         let parts = parts(panorama, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
-        Self { panorama, exact: FullSum::new(panorama), instructions, parts, range, last: Mutex::new(None) }
+        Self { panorama, exact, instructions, parts, range, last: Mutex::new(None) }
     }
 
     /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
@@ -122,8 +135,14 @@ impl Function<'_> {
     /// The value in a unit direction.
     #[inline(always)]
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
+        self.value(direction, angles(direction))
+    }
+
+    /// The value in a unit direction that has these angles.
+    #[inline(always)]
+    fn value(&self, direction: DVec3, angles: [f64; 2]) -> [f64; 3] {
         let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
-        let smooth = rings.at(direction);
+        let smooth = rings.at_angles(angles);
         let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
@@ -134,12 +153,16 @@ impl Function<'_> {
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
     pub fn cube(&self, size: usize, finished: &(dyn Fn(u64) + Sync)) -> Cube {
         let mut texels = vec![[0.0; 3]; 6 * size * size];
+        let angles = FaceAngles::new(size);
+        if self.rings.is_none() {
+            self.zonal.exact.prepare();
+        }
         texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
             self.zonal.instructions.run(
                 #[inline(always)]
                 || {
                     for (i, texel) in out.iter_mut().enumerate() {
-                        let value = self.at(texel_direction(size, line * size + i));
+                        let value = self.value(texel_direction(size, line * size + i), angles.of(line, i));
                         *texel = [value[0] as f32, value[1] as f32, value[2] as f32];
                     }
                 },
@@ -153,6 +176,7 @@ impl Function<'_> {
     /// or to [`super::DARK_FLOOR`] of the mean. `cube` holds this function.
     pub fn measure(&self, cube: &Cube) -> (f64, f64) {
         let mean = self.zonal.panorama.mean();
+        self.zonal.exact.prepare();
         let errors: Vec<f64> = aims(self.zonal.panorama, &self.kernel, cube)
             .par_iter()
             .flat_map_iter(|&direction| {
@@ -196,8 +220,8 @@ fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 
 impl Part {
     /// With more degrees where those that usually do leave too much out.
-    fn patient(panorama: &Panorama, plans: Vec<Plan>, peeled: Peeled, instructions: InstructionSet) -> Self {
-        let part = Self::new(panorama, plans, peeled, instructions);
+    fn patient(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
+        let part = Self::new(panorama, plans, peel, instructions);
         let mean = panorama.mean();
         let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
         if part.plans.iter().all(|plan| plan.kernel.alpha() <= WIDE || left(plan) <= HARD) {
@@ -208,38 +232,27 @@ impl Part {
             false => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();
-        let peeled = peel(panorama, &plans);
-        Self::new(panorama, plans, peeled, instructions)
+        let peel = peel_for(panorama, &plans);
+        Self::new(panorama, plans, peel, instructions)
     }
 
-    fn new(panorama: &Panorama, plans: Vec<Plan>, (peel, rest): Peeled, instructions: InstructionSet) -> Self {
+    fn new(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
         let narrowest = plans.iter().map(|plan| plan.kernel.alpha()).fold(1.0, f64::min);
-        let (mean, whole) = (rest.mean(), panorama.mean());
+        let rest = Rest::new(panorama, &peel);
+        let (mean, whole) = (rest.mean, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
-        let square = |row: usize| {
-            let mut sum = [0.0; 3];
-            for texel in rest.row(row) {
-                (0..3).for_each(|c| sum[c] += (f64::from(texel[c]) - mean[c]).powi(2));
-            }
-            sum.map(|s| s * rest.solid_angle(row))
-        };
-        // Rows on any thread, their sum in one order.
-        let rows: Vec<[f64; 3]> = (0..rest.height()).into_par_iter().map(square).collect();
-        let norm2 = std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum());
+        let norm2 = rest.sum(|texel| std::array::from_fn(|c| (f64::from(texel[c]) - mean[c]).powi(2)));
         let rule = row_rule(2.0 * narrowest, degree, panorama.height());
-        let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
+        let mut coefficients = analyse(&rest, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
         Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients }
     }
 }
 
-/// What is peeled off, and the panorama without it.
-type Peeled = (Peel, Panorama);
-
-/// The texels that show across the horizon of one of these kernels, and the panorama without them.
-fn peel(panorama: &Panorama, plans: &[Plan]) -> Peeled {
+/// The texels that show across the horizon of one of these kernels.
+fn peel_for(panorama: &Panorama, plans: &[Plan]) -> Peel {
     let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
     let is_wide = plans.iter().any(|plan| plan.kernel.alpha() > WIDE);
     Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
@@ -251,16 +264,16 @@ fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: Inst
     let mut parts = vec![];
     let mut rest = narrow;
     if !wide.is_empty() {
-        let peeled = peel(panorama, &wide);
+        let peel = peel_for(panorama, &wide);
         let mut plans = wide;
-        if peeled.0.len() <= FEW {
+        if peel.len() <= FEW {
             plans.append(&mut rest);
         }
-        parts.push(Part::patient(panorama, plans, peeled, instructions));
+        parts.push(Part::patient(panorama, plans, peel, instructions));
     }
     if !rest.is_empty() {
-        let peeled = peel(panorama, &rest);
-        parts.push(Part::patient(panorama, rest, peeled, instructions));
+        let peel = peel_for(panorama, &rest);
+        parts.push(Part::patient(panorama, rest, peel, instructions));
     }
     parts
 }
@@ -276,25 +289,81 @@ fn least_share(plan: &Plan, height: usize) -> f64 {
     1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
 }
 
-/// A panorama without its mean.
-struct BeyondMean<'a> {
+/// A panorama without what was peeled off, and without its mean.
+struct Rest<'a> {
     panorama: &'a Panorama,
+    /// Texels that differ, in the order of the panorama.
+    changed: Vec<(usize, [f32; 3])>,
     mean: [f64; 3],
 }
 
-impl Texels for BeyondMean<'_> {
+impl<'a> Rest<'a> {
+    fn new(panorama: &'a Panorama, peel: &Peel) -> Self {
+        let mut changed: Vec<(usize, [f32; 3])> = peel.remainders().collect();
+        changed.sort_unstable_by_key(|(index, _)| *index);
+        if changed.is_empty() {
+            return Self { panorama, changed, mean: panorama.mean() };
+        }
+        let rest = Self { panorama, changed, mean: [0.0; 3] };
+        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
+        let darkest = panorama.min().map(f64::from);
+        let sum = rest.sum(|texel| std::array::from_fn(|c| f64::from(texel[c]) - darkest[c]));
+        Self { mean: std::array::from_fn(|c| darkest[c] + sum[c] / (4.0 * PI)), ..rest }
+    }
+
+    fn changed_in(&self, row: usize) -> &[(usize, [f32; 3])] {
+        let width = self.panorama.width();
+        let start = self.changed.partition_point(|(index, _)| *index < row * width);
+        let end = self.changed.partition_point(|(index, _)| *index < (row + 1) * width);
+        &self.changed[start..end]
+    }
+
+    /// Σ of `f` over all texels, weighted by solid angle: rows on any thread, their sum in one order.
+    fn sum(&self, f: impl Fn(&[f32; 3]) -> [f64; 3] + Sync) -> [f64; 3] {
+        let (width, height) = (self.panorama.width(), self.panorama.height());
+        let of_row = |row: usize| {
+            let mut sum = [0.0; 3];
+            let mut add = |texels: &[[f32; 3]]| {
+                for texel in texels {
+                    let value = f(texel);
+                    (0..3).for_each(|c| sum[c] += value[c]);
+                }
+            };
+            let (texels, mut next) = (self.panorama.row(row), 0);
+            for &(index, texel) in self.changed_in(row) {
+                let column = index - row * width;
+                add(&texels[next..column]);
+                add(&[texel]);
+                next = column + 1;
+            }
+            add(&texels[next..]);
+            sum.map(|s| s * self.panorama.solid_angle(row))
+        };
+        let rows: Vec<[f64; 3]> = (0..height).into_par_iter().map(of_row).collect();
+        std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum())
+    }
+}
+
+impl Texels for Rest<'_> {
     fn shape(&self) -> [usize; 2] {
         [self.panorama.width(), self.panorama.height()]
     }
 
     fn occupied(&self, row: usize) -> bool {
-        let mean = self.mean;
-        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != mean)
+        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.mean) || !self.changed_in(row).is_empty()
     }
 
-    fn add_row(&self, row: usize, channel: usize, factor: f64, lane: usize, to: &mut [V]) {
-        for (out, texel) in to.iter_mut().zip(self.panorama.row(row)) {
-            out[lane] += factor * (f64::from(texel[channel]) - self.mean[channel]);
+    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]) {
+        let [red, green, blue] = to;
+        let mean = self.mean;
+        for (((r, g), b), texel) in red.iter_mut().zip(green).zip(blue).zip(self.panorama.row(row)) {
+            r[lane] = f64::from(texel[0]) - mean[0];
+            g[lane] = f64::from(texel[1]) - mean[1];
+            b[lane] = f64::from(texel[2]) - mean[2];
+        }
+        for &(index, texel) in self.changed_in(row) {
+            let column = index - row * self.panorama.width();
+            (0..3).for_each(|c| to[c][column][lane] = f64::from(texel[c]) - mean[c]);
         }
     }
 }

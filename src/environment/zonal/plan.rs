@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
-use super::lanes::InstructionSet;
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
 use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::Kernel;
 use crate::environment::panorama::Panorama;
@@ -141,27 +141,39 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
 
 /// About how dark the darkest output of a kernel is, in parts of its channel's mean; from a coarse map of cells, rather too dark than
 /// too bright, and never below [`DARK_FLOOR`].
-pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel) -> f64 {
+pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel, instructions: InstructionSet) -> f64 {
     /// Cells do not resolve narrower kernels.
     const NARROWEST: f64 = 0.1;
     const DIRECTIONS: usize = 256;
     let (mean, kernel) = (panorama.mean(), Kernel::new(kernel.alpha().max(NARROWEST)));
-    let mut darkest = 1.0f64;
-    for i in 0..DIRECTIONS {
+    let axis = |i: usize| {
         let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
         let (sin, cos) = libm::sincos(i as f64 * 2.399_963_229_728_653);
-        let axis = DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y;
-        let (mut sum, mut weights) = ([0.0; 3], 0.0);
-        for cell in cells {
-            let weight = kernel.between(axis, cell.direction);
-            weights += weight * cell.solid_angle;
-            (0..3).for_each(|c| sum[c] += weight * cell.flux[c]);
-        }
-        for c in (0..3).filter(|&c| mean[c] > 0.0) {
-            darkest = darkest.min(sum[c] / (weights * mean[c]));
-        }
-    }
-    (0.3 * darkest).max(DARK_FLOOR)
+        DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y
+    };
+    let axes: Vec<DVec3> = (0..DIRECTIONS).map(axis).collect();
+    instructions.run(
+        #[inline(always)]
+        || {
+            let mut darkest = 1.0f64;
+            // Eight directions at a time.
+            for axes in axes.as_chunks::<LANES>().0 {
+                let [x, y, z]: [V; 3] = [axes.map(|a| a.x), axes.map(|a| a.y), axes.map(|a| a.z)];
+                let (mut sums, mut weights) = ([ZERO; 3], ZERO);
+                for cell in cells {
+                    let d = cell.direction;
+                    let weight: V =
+                        std::array::from_fn(|i| kernel.at_cosine(x[i] * d.x + y[i] * d.y + z[i] * d.z));
+                    weights = add(weights, scale(weight, cell.solid_angle));
+                    (0..3).for_each(|c| sums[c] = add(sums[c], scale(weight, cell.flux[c])));
+                }
+                for c in (0..3).filter(|&c| mean[c] > 0.0) {
+                    (0..LANES).for_each(|i| darkest = darkest.min(sums[c][i] / (weights[i] * mean[c])));
+                }
+            }
+            (0.3 * darkest).max(DARK_FLOOR)
+        },
+    )
 }
 
 /// A part of the map, as one light.
