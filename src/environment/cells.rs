@@ -16,7 +16,7 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::kernel::Kernel;
+use super::kernel::{Kernel, Profile, with_profile};
 use super::panorama::Panorama;
 use super::zonal::InstructionSet;
 use crate::math::quadrature::{Rule, gauss_legendre};
@@ -79,8 +79,6 @@ pub(super) struct Seen<'a> {
     pub axis: DVec3,
     /// sin θ of the axis.
     pub horizontal: f64,
-    /// Squared distance of the kernel's singularities from the axis.
-    pub width2: f64,
 }
 
 /// Where cells are made; they are the same either way.
@@ -238,17 +236,31 @@ impl Walk<'_> {
     #[inline(always)]
     fn add(&mut self, at: usize, band: &Band, columns: Range<usize>) {
         let nodes = columns.start * NODES..columns.end * NODES;
-        let along = self.along[at][1][nodes.clone()].as_chunks::<NODES>().0;
-        let kernel = *self.seen.kernel;
-        for ((cos, sin), weights) in band.rows.iter().zip(&band.weights) {
-            let up = self.seen.axis.y * cos;
-            let [red, green, blue] =
-                [&weights[0], &weights[1], &weights[2]].map(|w| w[nodes.clone()].as_chunks::<NODES>().0);
-            for (((along, red), green), blue) in along.iter().zip(red).zip(green).zip(blue) {
-                let values: [f64; NODES] = std::array::from_fn(|i| kernel.at_cosine(up + sin * along[i]));
-                for (sums, weights) in self.sums.iter_mut().zip([red, green, blue]) {
-                    *sums = std::array::from_fn(|i| sums[i] + values[i] * weights[i]);
-                }
+        let along = &self.along[at][1][nodes.clone()];
+        let (seen, sums) = (&self.seen, &mut self.sums);
+        with_profile!(seen.kernel, P => add_nodes::<P>(seen, band, nodes, along, sums));
+    }
+}
+
+/// Adds K W of some nodes along a band.
+#[inline(always)]
+fn add_nodes<P: Profile>(
+    seen: &Seen,
+    band: &Band,
+    nodes: Range<usize>,
+    along: &[f64],
+    sums: &mut [[f64; NODES]; 3],
+) {
+    let kernel = *seen.kernel;
+    let along = along.as_chunks::<NODES>().0;
+    for ((cos, sin), weights) in band.rows.iter().zip(&band.weights) {
+        let up = seen.axis.y * cos;
+        let [red, green, blue] =
+            [&weights[0], &weights[1], &weights[2]].map(|w| w[nodes.clone()].as_chunks::<NODES>().0);
+        for (((along, red), green), blue) in along.iter().zip(red).zip(green).zip(blue) {
+            let values: [f64; NODES] = std::array::from_fn(|i| P::at(&kernel, up + sin * along[i]));
+            for (sums, weights) in sums.iter_mut().zip([red, green, blue]) {
+                *sums = std::array::from_fn(|i| sums[i] + values[i] * weights[i]);
             }
         }
     }
@@ -260,8 +272,10 @@ struct Judge {
     sin: f64,
     /// No point of a cell is further from its middle.
     reach: f64,
-    /// Cosines above this are too near.
+    /// Cosines above this are too near to the axis.
     near: f64,
+    /// And those below this to the horizon.
+    belt: f64,
 }
 
 impl Judge {
@@ -272,12 +286,8 @@ impl Judge {
         let reach = 0.5 * dtheta.hypot(band.widest * level.dphi) * (1.0 + 1e-9);
         // In φ a singularity is away by τ with 4 sin θ sin θ_axis sinh²(τ/2) = δ².
         let breadth = level.dphi * (band.widest * band.widest.max(seen.horizontal)).sqrt();
-        let delta = dtheta.max(breadth) / RATIO;
-        // Far enough where width² + (|axis − m| − reach)² ≥ δ²; |axis − m|² = 2 − 2c. What is a radian away is far enough.
-        let beyond = (delta * delta - seen.width2).max(0.0).sqrt();
-        let near = if delta > 1.0 { f64::NEG_INFINITY } else { 1.0 - 0.5 * (beyond + reach).powi(2) };
-        let near = if beyond == 0.0 && delta <= 1.0 { f64::INFINITY } else { near };
-        Self { up: seen.axis.y * band.middle.0, sin: band.middle.1, reach, near }
+        let [near, belt] = seen.kernel.rough_parts(dtheta.max(breadth) / RATIO, reach);
+        Self { up: seen.axis.y * band.middle.0, sin: band.middle.1, reach, near, belt: belt.max(reach) }
     }
 
     #[inline(always)]
@@ -285,7 +295,7 @@ impl Judge {
         let c = self.up + self.sin * along;
         if c < -self.reach {
             Fate::Below
-        } else if c > self.reach && c <= self.near {
+        } else if c > self.belt && c <= self.near {
             Fate::Whole
         } else {
             Fate::Parts

@@ -14,12 +14,15 @@ use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
 use crate::environment::DARK_FLOOR;
-use crate::environment::kernel::Kernel;
+use crate::environment::kernel::{Kernel, Profile, with_profile};
 use crate::environment::panorama::Panorama;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
-/// Kernels wider than this have a horizon that shows: their λ_l fall off algebraically.
-pub(super) const WIDE: f64 = 0.1;
+/// Kernels that rise from their horizon at more than this (per steradian and radian: `nol` at alpha 0.1) have a horizon that shows: their λ_l
+/// fall off algebraically.
+const STEEP: f64 = 3.1e-3;
+/// Degrees of a ring of p = 1, times p: e^(−pc) is told from what harmonics make of it.
+const RING: f64 = 8.0;
 /// The least degree of a wide kernel, unless a map is hard.
 pub(super) const WIDE_DEGREE: usize = 256;
 /// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
@@ -49,19 +52,20 @@ impl Plan {
     /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
     /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`.
     pub fn new(kernel: Kernel, darkest: f64, least_wide: usize, instructions: InstructionSet) -> Option<Self> {
-        let alpha = kernel.alpha();
-        let width = 2.0 * alpha;
-        let most = ((REACH / alpha).ceil() as usize).max(least_wide);
+        let (width, wide) = (kernel.width(), is_wide(&kernel));
+        let ring = kernel.is_ring();
+        let most = if ring { RING * 2.0 / width } else { REACH * 2.0 / width };
+        let most = (most.ceil() as usize).max(least_wide);
         if most > MOST_DEGREE * 4 / 3 {
             return None;
         }
         let value = |w: f64| kernel.eval(w);
-        let mut lambda = eigenvalues(&value, width, most, instructions);
+        let mut lambda = eigenvalues(&value, kernel.singularities(), most, instructions);
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
         let peak = Remainder::new(&value, width, 1.2).relative(&lambda, step, floor);
-        let enough = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step);
-        let degree = if alpha > WIDE { enough.max(least_wide) } else { enough }.min(most);
+        let enough = peak.iter().position(|&off| off <= AIM && !ring).map_or(most, |i| (i + 1) * step);
+        let degree = if wide { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
         }
@@ -69,7 +73,7 @@ impl Plan {
         let whole = Remainder::new(&value, width, PI).relative(&lambda, degree, floor);
         // ∫ K² = Σ (2l+1)/4π λ_l².
         let square = |w: f64| kernel.eval(w) * kernel.eval(w);
-        let norm2 = eigenvalues(&square, width, 0, instructions)[0];
+        let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
         let held: f64 = lambda.iter().enumerate().map(|(l, v)| (2.0 * l as f64 + 1.0) / (4.0 * PI) * v * v).sum();
         // Rounding leaves 1e-16 of ‖K‖², above or below zero.
         let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
@@ -99,6 +103,11 @@ impl Plan {
         }
         this_map.min(2.0 * self.any_map * share.max(1e-3))
     }
+}
+
+/// Whether a kernel's horizon shows.
+pub(super) fn is_wide(kernel: &Kernel) -> bool {
+    kernel.horizon()[0] > STEEP
 }
 
 /// Σ |f_lm|² over all orders of degrees up to L.
@@ -144,36 +153,39 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
 pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel, instructions: InstructionSet) -> f64 {
     /// Cells do not resolve narrower kernels.
     const NARROWEST: f64 = 0.1;
+    let (mean, kernel) = (panorama.mean(), Kernel::of(kernel.kind(), kernel.alpha().max(NARROWEST)));
+    let darkest = instructions.run(
+        #[inline(always)]
+        || with_profile!(kernel, P => darkest_of::<P>(&kernel, cells, mean)),
+    );
+    (0.3 * darkest).max(DARK_FLOOR)
+}
+
+/// The smallest average of the cells over directions of a spiral, in parts of the mean; 1 if none is below it.
+#[inline(always)]
+fn darkest_of<P: Profile>(kernel: &Kernel, cells: &[Cell], mean: [f64; 3]) -> f64 {
     const DIRECTIONS: usize = 256;
-    let (mean, kernel) = (panorama.mean(), Kernel::new(kernel.alpha().max(NARROWEST)));
     let axis = |i: usize| {
         let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
         let (sin, cos) = libm::sincos(i as f64 * 2.399_963_229_728_653);
         DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y
     };
-    let axes: Vec<DVec3> = (0..DIRECTIONS).map(axis).collect();
-    instructions.run(
-        #[inline(always)]
-        || {
-            let mut darkest = 1.0f64;
-            // Eight directions at a time.
-            for axes in axes.as_chunks::<LANES>().0 {
-                let [x, y, z]: [V; 3] = [axes.map(|a| a.x), axes.map(|a| a.y), axes.map(|a| a.z)];
-                let (mut sums, mut weights) = ([ZERO; 3], ZERO);
-                for cell in cells {
-                    let d = cell.direction;
-                    let weight: V =
-                        std::array::from_fn(|i| kernel.at_cosine(x[i] * d.x + y[i] * d.y + z[i] * d.z));
-                    weights = add(weights, scale(weight, cell.solid_angle));
-                    (0..3).for_each(|c| sums[c] = add(sums[c], scale(weight, cell.flux[c])));
-                }
-                for c in (0..3).filter(|&c| mean[c] > 0.0) {
-                    (0..LANES).for_each(|i| darkest = darkest.min(sums[c][i] / (weights[i] * mean[c])));
-                }
-            }
-            (0.3 * darkest).max(DARK_FLOOR)
-        },
-    )
+    let mut darkest = 1.0f64;
+    for first in (0..DIRECTIONS).step_by(LANES) {
+        let axes: [DVec3; LANES] = std::array::from_fn(|i| axis(first + i));
+        let [x, y, z] = [axes.map(|a| a.x), axes.map(|a| a.y), axes.map(|a| a.z)];
+        let (mut sums, mut weights) = ([ZERO; 3], ZERO);
+        for cell in cells {
+            let d = cell.direction;
+            let weight: V = std::array::from_fn(|i| P::at(kernel, x[i] * d.x + y[i] * d.y + z[i] * d.z));
+            weights = add(weights, scale(weight, cell.solid_angle));
+            (0..3).for_each(|c| sums[c] = add(sums[c], scale(weight, cell.flux[c])));
+        }
+        for c in (0..3).filter(|&c| mean[c] > 0.0) {
+            (0..LANES).for_each(|i| darkest = darkest.min(sums[c][i] / (weights[i] * mean[c])));
+        }
+    }
+    darkest
 }
 
 /// A part of the map, as one light.

@@ -64,15 +64,9 @@ impl Rings {
         Self { rings, columns, strips }
     }
 
-    /// The value in a unit direction, by Lagrange interpolation of degree five in both angles.
+    /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
     #[inline(always)]
-    pub fn at(&self, direction: DVec3) -> [f64; 3] {
-        self.at_angles(angles(direction))
-    }
-
-    /// The same at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2).
-    #[inline(always)]
-    pub fn at_angles(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
+    pub fn at(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
         let split = |position: f64| {
             let floor = position.floor();
             (floor as isize, position - floor)
