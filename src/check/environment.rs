@@ -6,6 +6,7 @@ use crate::environment::full_sum::FullSum;
 use crate::environment::{Cube, DARK_FLOOR, Kernel, Panorama, area_average};
 use crate::model::alpha_of_roughness;
 use glam::DVec3;
+use std::borrow::Cow;
 use rayon::prelude::*;
 
 /// One cube and what is claimed of it.
@@ -90,11 +91,18 @@ impl EnvironmentValues<'_> {
     /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
     /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
     pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
-        self.against_truth(&FullSum::new(panorama), panorama, seed, full)
+        self.against_truth(&FullSum::new(panorama), None, panorama, seed, full)
     }
 
-    /// The same, with a full sum of the panorama that others use too.
-    pub(crate) fn against_truth(&self, sum: &FullSum, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
+    /// The same, with a full sum and an area average of the panorama that others use too.
+    pub(crate) fn against_truth(
+        &self,
+        sum: &FullSum,
+        average: Option<&Cube>,
+        panorama: &Panorama,
+        seed: u64,
+        full: bool,
+    ) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
         let mut checks = vec![];
@@ -106,7 +114,8 @@ impl EnvironmentValues<'_> {
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
-                let average = area_average(panorama, level.size);
+                let known = average.filter(|average| average.size == level.size);
+                let average = known.map_or_else(|| Cow::Owned(area_average(panorama, level.size)), Cow::Borrowed);
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
                 checks.extend(worst("exact area average at every texel", level, deviations));
@@ -117,7 +126,7 @@ impl EnvironmentValues<'_> {
             }
             sum.prepare();
             let kernel = Kernel::new(alpha);
-            let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
+            let texels = if full { all(level) } else { chosen(level, sum.sun(), seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
@@ -183,11 +192,9 @@ fn all(level: &CubeLevel) -> Vec<usize> {
 
 /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
 /// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
+fn chosen(level: &CubeLevel, sun: DVec3, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
-    let (column, row, _) = panorama.peak();
-    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let ring = (0..8).map(|i| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();

@@ -48,6 +48,8 @@ pub struct FullSum<'a> {
 /// What sums over the whole panorama need, and single texels do not.
 #[derive(Debug)]
 struct Whole {
+    /// Towards the middle of the brightest texel.
+    sun: DVec3,
     /// cos φ and sin φ of the points of the three smallest rules, one of which nearly every texel takes: its first in every column, then
     /// its second, and so on.
     azimuths: [Vec<(f64, f64)>; BULK_RULES],
@@ -102,6 +104,12 @@ impl<'a> FullSum<'a> {
         }
     }
 
+    /// Towards the middle of the brightest texel.
+    pub(crate) fn sun(&self) -> DVec3 {
+        self.prepare();
+        self.whole.get_or_init(|| self.make_whole(Threads::One)).sun
+    }
+
     fn make_whole(&self, on: Threads) -> Whole {
         let panorama = self.panorama;
         let of_rule = |rule: &Rule| -> Vec<(f64, f64)> {
@@ -111,7 +119,9 @@ impl<'a> FullSum<'a> {
         };
         let azimuths = std::array::from_fn(|i| of_rule(&self.rules[i]));
         let beyond = |row: usize| panorama.row(row).iter().any(|t| t.map(f64::from) != self.base);
+        let (column, row, _) = panorama.peak();
         Whole {
+            sun: panorama.texel_box(column, row).middle(),
             azimuths,
             occupied: (0..panorama.height()).map(beyond).collect(),
             apart: (panorama.texels().len() <= LARGEST_APART)

@@ -177,7 +177,7 @@ impl Function<'_> {
     pub fn measure(&self, cube: &Cube) -> (f64, f64) {
         let mean = self.zonal.panorama.mean();
         self.zonal.exact.prepare();
-        let errors: Vec<f64> = aims(self.zonal.panorama, &self.kernel, cube)
+        let errors: Vec<f64> = aims(self.zonal.exact.sun(), &self.kernel, cube)
             .par_iter()
             .flat_map_iter(|&direction| {
                 let wanted = self.zonal.exact.evaluate(direction, &self.kernel);
@@ -195,13 +195,11 @@ impl Function<'_> {
 
 /// Where errors hide: at the brightest texel and opposite to it, beside it (interpolation), at its horizon (the kink), at
 /// the poles, at a corner and an edge of a cube, and in its darkest texels.
-fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
+fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
     /// Beside the sun, in widths of the kernel; and on either side of its horizon, in radians.
     const BESIDE: [f64; 3] = [0.5, 1.0, 3.0];
     const ACROSS: [f64; 3] = [0.0, 0.004, -0.01];
     const DARKEST: usize = 4;
-    let (column, row, _) = panorama.peak();
-    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
     let mut aims =
