@@ -2,14 +2,14 @@
 
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
-use crate::check::{Check, CubeLevel, EnvironmentValues};
+use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
 use crate::environment::{Adjusted, Cube, FullSum, InputReport, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
-use crate::format::{FormatSpec, ktx2};
+use crate::format::{self, Texture};
 use crate::integrate::{ErrorKind, Integrator};
-use crate::pack::{Number, PackReport, binary16, binary32};
+use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
 use crate::table::Progress;
 use serde::{Deserialize, Serialize};
@@ -126,11 +126,11 @@ pub fn is_current(recipe: &EnvironmentRecipe, certificate: &Certificate) -> bool
 pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progress) -> Result<Baked> {
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
-    let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
+    let format = recipe.cube_format()?;
     let truth = FullSum::new(panorama);
     let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
-    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format.number);
-    let judged = EnvironmentValues { levels: &values, ulp: ulp(format.number), largest: largest(format.number) };
+    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format);
+    let judged = EnvironmentValues { levels: &values, precision: precision(format, &values, packing.max_block_error) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
@@ -159,17 +159,9 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
-        let texture = ktx2::Texture {
-            format,
-            width: size,
-            height: size,
-            depth: 0,
-            faces: 6,
-            levels,
-            metadata,
-            primaries: panorama.primaries(),
-        };
-        ktx2::encode(&texture)
+        let primaries = panorama.primaries();
+        let texture = Texture { levels, metadata, primaries, ..Texture::empty_cube(format, size) };
+        format::encode(recipe.format, &texture)
     };
     let mut levels = bytes_of_levels;
     let last = levels.split_off(specular.len());
@@ -195,7 +187,8 @@ fn filter(
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) = chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
+        let (chain, irradiance) =
+            chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {
@@ -214,13 +207,18 @@ fn filter(
 }
 
 /// The packed levels, the irradiance cube last; what packing changed; what a reader will see.
-fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>) {
+fn pack(
+    specular: &[Filtered],
+    irradiance: &Filtered,
+    format: TexelFormat,
+) -> (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>) {
     let (mut all, mut report, mut values) = (vec![], PackReport::default(), vec![]);
     let named = specular.iter().enumerate().map(|(m, level)| (format!("specular {m}"), level));
     for (name, (cube, found)) in named.chain([(IRRADIANCE.to_owned(), irradiance)]) {
-        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
-        let (bytes, packed) = number.pack(&rgba);
-        let texels = number.unpack(&bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2]]).collect();
+        let n = format.channels();
+        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
+        let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
+        let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
         report = report.merge(packed);
         values.push(CubeLevel {
             name,
@@ -235,19 +233,10 @@ fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Ve
     (all, report, values)
 }
 
-pub(crate) fn ulp(number: Number) -> fn(f64) -> f64 {
-    match number {
-        Number::F16 => binary16::ulp,
-        Number::F32 => binary32::ulp,
-    }
-}
-
-/// The largest number that a format holds.
-pub(crate) fn largest(number: Number) -> f64 {
-    match number {
-        Number::F16 => binary16::MAX,
-        Number::F32 => f64::from(f32::MAX),
-    }
+/// What packing may have changed of the levels.
+pub(crate) fn precision(format: TexelFormat, levels: &[CubeLevel], block_error: f64) -> Precision {
+    let values = levels.iter().flat_map(|level| level.texels.as_flattened()).map(|&v| f64::from(v));
+    Precision::new(format, values, block_error)
 }
 
 /// Digests of the files, in the order of [`FILES`].

@@ -40,9 +40,12 @@ pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
 /// Integrals over the texels of the faces beside the equator: +X, −X, +Z, −Z.
 fn side_faces(wedges: &Wedges, size: usize) -> [Vec<[f64; 3]>; 4] {
     // The rows of texels end at circles of constant v; the columns at meridians. φ falls as u grows.
-    let lines = by_symmetry(wedges, size, |v| Some((v, 1.0)), |arc, v| {
-        [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0))
-    });
+    let lines = by_symmetry(
+        wedges,
+        size,
+        |v| Some((v, 1.0)),
+        |arc, v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0)),
+    );
     let texel = |i: usize| (i / size, i % size);
     std::array::from_fn(|face| {
         let at = |(row, column): (usize, usize)| subtract(lines[row][face][column], lines[row + 1][face][column]);
@@ -52,12 +55,17 @@ fn side_faces(wedges: &Wedges, size: usize) -> [Vec<[f64; 3]>; 4] {
 
 /// Integrals over the texels of the face around the pole that the wedges start from.
 fn top_face(wedges: &Wedges, size: usize) -> Vec<[f64; 3]> {
-    let lines = by_symmetry(wedges, size, |t| (t > 0.0).then_some((1.0, t)), |arc, t| {
-        [true, false].map(|along_v| match top_circle(t, along_v) {
-            Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
-            None => vec![[0.0; 3]; size],
-        })
-    });
+    let lines = by_symmetry(
+        wedges,
+        size,
+        |t| (t > 0.0).then_some((1.0, t)),
+        |arc, t| {
+            [true, false].map(|along_v| match top_circle(t, along_v) {
+                Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
+                None => vec![[0.0; 3]; size],
+            })
+        },
+    );
     let texel = |i: usize| {
         let (row, column) = (i / size, i % size);
         let across = subtract(lines[column + 1][0][row], lines[column][0][row]);

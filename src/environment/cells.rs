@@ -244,13 +244,7 @@ impl Walk<'_> {
 
 /// Adds K W of some nodes along a band.
 #[inline(always)]
-fn add_nodes<P: Profile>(
-    seen: &Seen,
-    band: &Band,
-    nodes: Range<usize>,
-    along: &[f64],
-    sums: &mut [[f64; NODES]; 3],
-) {
+fn add_nodes<P: Profile>(seen: &Seen, band: &Band, nodes: Range<usize>, along: &[f64], sums: &mut [[f64; NODES]; 3]) {
     let kernel = *seen.kernel;
     let along = along.as_chunks::<NODES>().0;
     for ((cos, sin), weights) in band.rows.iter().zip(&band.weights) {
@@ -328,7 +322,8 @@ impl Level {
                 return band;
             }
             band.weights = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; n]));
-            let mut line = [vec![[0.0; NODES]; n / NODES], vec![[0.0; NODES]; n / NODES], vec![[0.0; NODES]; n / NODES]];
+            let mut line =
+                [vec![[0.0; NODES]; n / NODES], vec![[0.0; NODES]; n / NODES], vec![[0.0; NODES]; n / NODES]];
             instructions.run(
                 #[inline(always)]
                 || {
@@ -365,8 +360,7 @@ impl Level {
         let points = chebyshev();
         let direction = |phi: f64| (libm::cos(phi), libm::sin(phi));
         let middles = edges.windows(2).map(|e| direction(0.5 * (e[0] + e[1]))).collect();
-        let nodes =
-            edges.windows(2).flat_map(|e| points.map(|t| direction(e[0] + t * (e[1] - e[0])))).collect();
+        let nodes = edges.windows(2).flat_map(|e| points.map(|t| direction(e[0] + t * (e[1] - e[0])))).collect();
         let dphi = edges.windows(2).map(|e| e[1] - e[0]).fold(0.0, f64::max);
         Self { side, bands, middles, nodes, dphi, edges }
     }
@@ -375,7 +369,8 @@ impl Level {
     fn doubled(&self, on: Threads) -> Self {
         let points = chebyshev();
         let n = self.middles.len();
-        let edges: Vec<f64> = self.edges.iter().copied().step_by(2).chain((n % 2 == 1).then(|| self.edges[n])).collect();
+        let edges: Vec<f64> =
+            self.edges.iter().copied().step_by(2).chain((n % 2 == 1).then(|| self.edges[n])).collect();
         // ℓ of a large cell at the nodes of the small ones in it.
         let values = |whole: [f64; 2], part: [f64; 2]| {
             points.map(|t| lagrange(&points, (part[0] + t * (part[1] - part[0]) - whole[0]) / (whole[1] - whole[0])))
@@ -408,7 +403,8 @@ impl Level {
             }
             band
         };
-        let bands = on.map(self.bands.len().div_ceil(2), |b| join(&self.bands[2 * b..(2 * b + 2).min(self.bands.len())]));
+        let bands =
+            on.map(self.bands.len().div_ceil(2), |b| join(&self.bands[2 * b..(2 * b + 2).min(self.bands.len())]));
         Self::new(2 * self.side, bands, edges)
     }
 }
@@ -416,7 +412,8 @@ impl Level {
 impl Band {
     fn new(theta: [f64; 2], points: &[f64; NODES]) -> Self {
         let direction = |theta: f64| (libm::cos(theta), libm::sin(theta));
-        let widest = if theta[0] <= PI / 2.0 && theta[1] >= PI / 2.0 { 1.0 } else { theta[0].sin().max(theta[1].sin()) };
+        let widest =
+            if theta[0] <= PI / 2.0 && theta[1] >= PI / 2.0 { 1.0 } else { theta[0].sin().max(theta[1].sin()) };
         Self {
             occupied: true,
             theta,

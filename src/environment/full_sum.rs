@@ -395,7 +395,8 @@ fn product_above(Patch { phi, theta }: Patch, lobe: &Lobe, rule: &Rule) -> f64 {
     for (t, weight) in rule.iter() {
         let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
         let (apart, across) = (lobe.apart(sin, cos), 2.0 * lobe.horizontal * sin);
-        let line: f64 = rule.weights.iter().zip(&halves).map(|(w, half)| w * lobe.kernel.eval(apart + across * half)).sum();
+        let line: f64 =
+            rule.weights.iter().zip(&halves).map(|(w, half)| w * lobe.kernel.eval(apart + across * half)).sum();
         sum += weight * sin * line;
     }
     sum * dphi * dtheta
@@ -510,7 +511,9 @@ mod tests {
     /// Cells against every texel: a sun wherever it may stand beside an axis, on maps that cells do not divide evenly.
     #[test]
     fn cells_change_nothing() {
-        for ([width, height], sun) in [([512, 256], (200, 60)), ([250, 131], (249, 0)), ([300, 100], (150, 51)), ([128, 64], (3, 40))] {
+        for ([width, height], sun) in
+            [([512, 256], (200, 60)), ([250, 131], (249, 0)), ([300, 100], (150, 51)), ([128, 64], (3, 40))]
+        {
             let panorama = random_sized([width, height], 4, Some(sun));
             let (fast, slow) = (FullSum::new(&panorama), FullSum::with_extra_points(&panorama, 0));
             let middle = centre(&panorama, sun.0, sun.1);
