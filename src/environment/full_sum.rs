@@ -515,7 +515,9 @@ mod tests {
             [([512, 256], (200, 60)), ([250, 131], (249, 0)), ([300, 100], (150, 51)), ([128, 64], (3, 40))]
         {
             let panorama = random_sized([width, height], 4, Some(sun));
-            let (fast, slow) = (FullSum::new(&panorama), FullSum::with_extra_points(&panorama, 0));
+            // More points on both sides: what is seen is the cells alone.
+            let slow = FullSum::with_extra_points(&panorama, 2);
+            let fast = FullSum { by_cells: true, whole: Arc::default(), ..slow.clone() };
             let middle = centre(&panorama, sun.0, sun.1);
             let (side, up) = middle.any_orthonormal_pair();
             let mut axes = directions(middle);
