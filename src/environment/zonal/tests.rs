@@ -209,3 +209,22 @@ fn eigenvalues_agree_with_closed_forms_and_with_finer_panels() {
         }
     }
 }
+
+/// A cube takes its texels' angles by symmetry; the function takes them from the direction.
+#[test]
+fn a_cube_holds_the_values_of_its_function() {
+    let panorama = lit(64, 9, (50, 12));
+    let kernel = Kernel::new(0.2);
+    let zonal = Zonal::new(&panorama, &[kernel], InstructionSet::detect());
+    let function = zonal.function(&kernel);
+    for size in [1, 5, 8] {
+        for (index, texel) in function.cube(size, &|_| {}).texels.iter().enumerate() {
+            let wanted = function.at(texel_direction(size, index));
+            for c in 0..3 {
+                // Rounded to f32 once; the angles differ by rounding.
+                let off = (f64::from(texel[c]) - wanted[c]).abs();
+                assert!(off <= 1.2e-7 * wanted[c].abs(), "size {size}, texel {index}: {} wanted {}", texel[c], wanted[c]);
+            }
+        }
+    }
+}
