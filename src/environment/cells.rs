@@ -7,7 +7,7 @@
 //!
 //! **Error.** Interpolation at n Chebyshev points of a function that is analytic inside the Bernstein ellipse ρ is off by less than
 //! 4 M ρ⁻ⁿ⁺¹/(ρ − 1), M its largest value there (Trefethen, "Approximation Theory and Approximation Practice", theorem 8.2). A singularity
-//! at least δ from every point of a side of length h leaves ρ ≥ x + √(1 + x²), x = 2δ/h: [`RATIO`] makes that more than 14.
+//! at least δ from every point of a side of length h leaves ρ ≥ x + √(1 + x²), x = 2δ/h: [`RATIO`] makes that more than 16.
 //! A cell that the horizon may cross is never taken whole.
 
 use std::f64::consts::{PI, TAU};
@@ -23,8 +23,9 @@ use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// Points along a side of a cell: as many as there are lanes.
 const NODES: usize = 8;
-/// Sides of a cell in parts of its distance from the kernel's singularities, at most: ρ ≥ 14.3, and 14.3⁻⁸ is 6e-10.
-const RATIO: f64 = 0.28;
+/// Sides of a cell in parts of its distance from the kernel's singularities, at most: ρ ≥ 16. GGX's double
+/// pole, (width² + θ²)⁻², is then off by 4e-8 of its value at most in each direction, wherever it stands.
+const RATIO: f64 = 0.25;
 /// Narrower panoramas are not worth it.
 const LEAST_WIDTH: usize = 96;
 
