@@ -24,7 +24,7 @@ use crate::math::quadrature::{Rule, gauss_legendre};
 /// Points along a side of a cell: as many as there are lanes.
 const NODES: usize = 8;
 /// Sides of a cell in parts of its distance from the kernel's singularities, at most: ρ ≥ 16. GGX's double
-/// pole, (width² + θ²)⁻², is then off by 4e-8 of its value at most in each direction, wherever it stands.
+/// pole, (width² + θ²)⁻², is then off by 5e-8 of its value at most in each direction, wherever it stands.
 const RATIO: f64 = 0.25;
 /// Narrower panoramas are not worth it.
 const LEAST_WIDTH: usize = 96;
