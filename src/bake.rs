@@ -3,6 +3,7 @@
 //! Pure: nothing here touches a disk. Files are written by [`Baked::write`], all or none.
 
 mod environment;
+mod shader;
 mod table;
 
 pub use environment::{
@@ -10,7 +11,8 @@ pub use environment::{
     source,
 };
 pub(crate) use environment::{IRRADIANCE, precision};
-pub use table::table;
+pub use shader::{combined_shader, shader_of};
+pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};
 use crate::error::{Error, Result};

@@ -3,7 +3,7 @@
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, DARK_FLOOR, Kernel, Panorama, area_average};
+use crate::environment::{Cube, DARK_FLOOR, Kernel, KernelKind, Panorama, View, ViewLobe, area_average};
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
@@ -19,6 +19,10 @@ pub struct CubeLevel {
     pub size: usize,
     /// The artist's roughness.
     pub roughness: f64,
+    /// What it weighs directions by.
+    pub kernel: KernelKind,
+    /// How the surface is seen, if not as N = V = R.
+    pub view: Option<View>,
     /// Six faces, rows, texels.
     pub texels: Vec<[f32; 3]>,
     /// Largest standard error (or bound, for a deterministic level) in parts of max(value, 1e-3 × the channel's mean).
@@ -120,11 +124,15 @@ impl EnvironmentValues<'_> {
                 checks.extend(worst("exact area average at every texel", level, deviations));
                 continue;
             }
+            if let Some(view) = level.view {
+                checks.extend(self.against_view(level, view, panorama, seed.wrapping_add(index as u64)));
+                continue;
+            }
             if alpha * level.size as f64 >= RESOLVED {
-                checks.push(mean_check(level, panorama));
+                checks.push(mean_check(level, panorama, self.mean_packing(level)));
             }
             sum.prepare();
-            let kernel = Kernel::new(alpha);
+            let kernel = Kernel::of(level.kernel, alpha);
             let texels = if full { all(level) } else { chosen(level, sum.sun(), seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
@@ -137,11 +145,42 @@ impl EnvironmentValues<'_> {
         checks
     }
 
+    /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
+    fn mean_packing(&self, level: &CubeLevel) -> f64 {
+        let Some(format) = self.precision.format().filter(|format| !format.is_signed()) else { return 0.0 };
+        let blocks = self.brightest_of_blocks(level);
+        let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
+        for (i, texel) in level.texels.iter().enumerate() {
+            let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
+            let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, i)]);
+            for c in 0..3 {
+                let value = f64::from(texel[c]).min(format.largest(c));
+                room[c] += self.precision.tolerance_in(c, value, brightest);
+                sum[c] += value;
+            }
+        }
+        (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
+    }
+
     /// The brightest value of each block, where texels are stored in such.
     fn brightest_of_blocks(&self, level: &CubeLevel) -> Option<Vec<f64>> {
         let faces = level.texels.chunks_exact(level.size * level.size);
         let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(level.size, level.size, face.as_flattened());
         (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
+    }
+
+    /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the
+    /// lobe to [`VIEW_SUM`].
+    fn against_view(&self, level: &CubeLevel, view: View, panorama: &Panorama, seed: u64) -> Option<Check> {
+        let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
+        let all = chosen(level, panorama, seed);
+        let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
+        let name = format!("sum over the panorama at {} texels", texels.len());
+        let sums: Vec<[f64; 3]> =
+            texels.iter().map(|&texel| lobe.sum(panorama, texel_direction(level.size, texel))).collect();
+        let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
+        let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
+        worst(&name, &level.name, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
@@ -181,6 +220,10 @@ fn block(level: &CubeLevel, texel: usize) -> usize {
     texel / area * per_face + bc6h::block_of(level.size, texel % area)
 }
 
+/// Texels of a level seen at an angle that are summed over the panorama, and the error of that sum.
+const VIEW_POINTS: usize = 24;
+const VIEW_SUM: f64 = 1e-3;
+
 /// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to
 /// the mean of the filtered function but for [`TEXEL_SUM`].
 const RESOLVED: f64 = 4.0;
@@ -188,7 +231,7 @@ const RESOLVED: f64 = 4.0;
 const TEXEL_SUM: f64 = 4e-3;
 
 /// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
+fn mean_check(level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
     let cube = Cube { size: level.size, texels: level.texels.clone() };
     let (found, wanted) = (cube.mean(), panorama.mean());
     let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
@@ -198,7 +241,7 @@ fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
         "mean over the sphere against the input's, relative",
         &level.name,
         figure,
-        TEXEL_SUM + SIGMAS * level.rms_error,
+        TEXEL_SUM + SIGMAS * level.rms_error + packing,
         detail,
     )
 }

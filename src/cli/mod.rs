@@ -5,11 +5,16 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod completions;
 mod console;
+mod convert;
 mod env;
 mod eval;
+mod furnace;
 mod info;
 mod list;
+mod man;
+mod shader;
 mod show;
 mod table;
 mod verify;
@@ -51,7 +56,11 @@ enum Verb {
     Verify(verify::Verify),
     Info(info::Info),
     Show(show::Show),
+    Shader(shader::Shader),
+    Convert(convert::Convert),
     List(list::List),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 /// Parses the arguments, does what they say, and reports.
@@ -76,7 +85,11 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Verify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Shader(verb) => verb.run(console),
+        Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
+        Verb::Completions(verb) => verb.run(console),
+        Verb::Man(verb) => verb.run(console),
     }
 }
 

@@ -5,7 +5,7 @@
 //! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
 //! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
 //! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
-//! constant stays what it is. Kernels too narrow for harmonics are summed over the texels ([`FullSum`]).
+//! constant stays what it is. Of kernels too narrow for harmonics, the part near the axis is summed over the texels there (`split`).
 
 mod analysis;
 mod bright;
@@ -14,6 +14,7 @@ mod fft;
 mod lanes;
 mod legendre;
 mod plan;
+mod split;
 mod synthesis;
 
 use std::f64::consts::PI;
@@ -33,6 +34,7 @@ use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
 use lanes::V;
 use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
+use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
@@ -70,6 +72,8 @@ struct Part {
     /// The largest part of a channel's light that was not peeled off.
     share: f64,
     coefficients: Coefficients,
+    /// What was not peeled off, if a kernel sums texels near its axis.
+    near: Option<(Panorama, Places)>,
 }
 
 /// The panorama filtered by one kernel: a function of the direction.
@@ -77,8 +81,8 @@ struct Part {
 pub struct Function<'a> {
     zonal: &'a Zonal<'a>,
     kernel: Kernel,
-    /// Nothing if the kernel is too narrow for harmonics.
-    rings: Option<(&'a Part, Arc<Rings>)>,
+    /// Nothing if texels are summed instead.
+    rings: Option<(&'a Part, &'a Plan, Arc<Rings>)>,
     /// Degrees of the harmonics; 0 if texels are summed instead.
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
@@ -102,11 +106,11 @@ impl<'a> Zonal<'a> {
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         let of_kernel = |kernel: &Kernel| {
             let darkest = darkest(panorama, &cells, kernel, instructions);
-            Plan::new(*kernel, darkest, WIDE_DEGREE, instructions)
+            Plan::new(*kernel, darkest, WIDE_DEGREE, panorama.height(), instructions)
         };
         let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
         for plan in all.into_iter().flatten() {
-            plans[usize::from(!is_wide(&plan.kernel))].push(plan);
+            plans[usize::from(!is_wide(&plan.kernel) || plan.split.is_some())].push(plan);
         }
         let parts = parts(panorama, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
@@ -127,7 +131,7 @@ impl<'a> Zonal<'a> {
         *last = Some((*kernel, rings.clone()));
         drop(last);
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
-        Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation }
+        Function { zonal: self, kernel: *kernel, rings: Some((part, plan, rings)), degree: plan.degree(), truncation }
     }
 }
 
@@ -141,13 +145,20 @@ impl Function<'_> {
     /// The value in a unit direction that has these angles.
     #[inline(always)]
     fn value(&self, direction: DVec3, angles: [f64; 2]) -> [f64; 3] {
-        let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
+        let Some((part, plan, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
         let smooth = rings.at(angles);
         let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;
-        std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
+        let mut mean = part.mean;
+        if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
+            && let Some(near) = split.mean(direction, rest, places)
+        {
+            let far = plan.eigenvalues[0];
+            mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+        }
+        std::array::from_fn(|c| (mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
     }
 
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
@@ -222,11 +233,11 @@ impl Part {
         let part = Self::new(panorama, plans, peel, instructions);
         let mean = panorama.mean();
         let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
-        if part.plans.iter().all(|plan| !is_wide(&plan.kernel) || left(plan) <= HARD) {
+        if part.plans.iter().all(|plan| plan.split.is_some() || !is_wide(&plan.kernel) || left(plan) <= HARD) {
             return part;
         }
-        let more = |plan: Plan| match is_wide(&plan.kernel) {
-            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, instructions),
+        let more = |plan: Plan| match plan.split.is_none() && is_wide(&plan.kernel) {
+            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, panorama.height(), instructions),
             false => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();
@@ -236,7 +247,9 @@ impl Part {
 
     fn new(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
-        let narrowest = plans.iter().map(|plan| plan.kernel.width()).fold(2.0, f64::min);
+        // (The rest of a split kernel is as smooth as its degree says.)
+        let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
+        let narrowest = plans.iter().map(width).fold(2.0, f64::min);
         let rest = Rest::new(panorama, &peel);
         let (mean, whole) = (rest.mean, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
@@ -245,14 +258,16 @@ impl Part {
         let mut coefficients = analyse(&rest, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
-        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients }
+        let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
+        let near = places.map(|places| (rest.to_panorama(), places));
+        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients, near }
     }
 }
 
 /// The texels that show across the horizon of one of these kernels.
 fn peel_for(panorama: &Panorama, plans: &[Plan]) -> Peel {
     let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
-    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel));
+    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel) && plan.split.is_none());
     Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
 }
 
@@ -307,6 +322,13 @@ impl<'a> Rest<'a> {
         let darkest = panorama.min().map(f64::from);
         let sum = rest.sum(|texel| std::array::from_fn(|c| f64::from(texel[c]) - darkest[c]));
         Self { mean: std::array::from_fn(|c| darkest[c] + sum[c] / (4.0 * PI)), ..rest }
+    }
+
+    /// The same as a panorama of its own.
+    fn to_panorama(&self) -> Panorama {
+        let mut texels = self.panorama.texels().to_vec();
+        self.changed.iter().for_each(|&(index, texel)| texels[index] = texel);
+        self.panorama.with_texels(texels)
     }
 
     fn changed_in(&self, row: usize) -> &[(usize, [f32; 3])] {

@@ -223,7 +223,12 @@ fn a_cube_holds_the_values_of_its_function() {
             for c in 0..3 {
                 // Rounded to f32 once; the angles differ by rounding.
                 let off = (f64::from(texel[c]) - wanted[c]).abs();
-                assert!(off <= 1.2e-7 * wanted[c].abs(), "size {size}, texel {index}: {} wanted {}", texel[c], wanted[c]);
+                assert!(
+                    off <= 1.2e-7 * wanted[c].abs(),
+                    "size {size}, texel {index}: {} wanted {}",
+                    texel[c],
+                    wanted[c]
+                );
             }
         }
     }
