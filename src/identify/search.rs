@@ -192,12 +192,17 @@ const KNOWN: [(f64, f64); 12] = [
     (1.0 / 255.0, 0.0),
 ];
 
-/// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price.
-fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64) -> (Encoding, f64, f64) {
+/// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price, which is infinite
+/// where it is clear that it exceeds `limit`.
+fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: f64) -> (Encoding, f64, f64) {
     let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
     let weights = vec![1.0; values.len()];
     let (a, b) = affine(values, predicted, &weights);
     let any = trimmed(values, predicted, a, b);
+    // No known factor fits much better than the best of all: what is dear with that need not be looked at further.
+    if 0.8 * (any + floor) * price_of_curve > limit {
+        return (Encoding { scale: a, offset: b, curve }, any, f64::INFINITY);
+    }
     let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
     for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
         let residual = trimmed(values, predicted, scale, offset);
@@ -352,8 +357,9 @@ fn try_all(
             let predicted = hypothesis.predict(choice);
             for (c, curve, values) in values {
                 let floor = MASTER_ERROR + channels[*c].rounding;
-                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor);
                 let list = &mut best[*c];
+                let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].0 };
+                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor, limit);
                 if list.len() < KEPT || list.last().is_none_or(|last| cost < last.0) {
                     (hypothesis.encoding, hypothesis.residual) = (encoding, residual);
                     let at = list.partition_point(|(known, _)| *known < cost);
@@ -392,7 +398,7 @@ pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64
 /// The same hypothesis with the best encoding.
 pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
     let predicted = hypothesis.predict(choice);
-    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor);
+    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor, f64::INFINITY);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 
