@@ -412,7 +412,7 @@ fn bad_input_is_refused_with_the_way_out() {
         (vec!["identify", "two.js"], 2, "choose one with --array"),
         (vec!["identify", "two.js", "--array", "c"], 2, "a (4 numbers)"),
         (vec!["identify", "few.json"], 1, "too few"),
-        (vec!["verify", "few.json", "--as", "dielectric"], 1, "3 axes"),
+        (vec!["verify", "few.json", "--as", "dielectric"], 1, "--channels"),
         (vec!["verify", "few.json", "--as", "dgf"], 2, "did you mean"),
         (vec!["verify", "few.json", "--axes", "mu"], 2, "--as TABLE"),
         (vec!["identify", "archive.gz"], 1, "a gzip archive"),

@@ -3,15 +3,17 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
-use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
+use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
+use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, FullSum, InputReport, KernelKind, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
-use crate::format::{self, Texture};
+use crate::format::{self, Container, FormatSpec, Packing, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
 use crate::table::Progress;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -20,9 +22,24 @@ pub const DEFAULT_SAMPLES: u64 = 4096;
 /// Samples per texel beyond which a tolerance counts as out of reach.
 const MOST_SAMPLES: u64 = 1 << 18;
 /// Names of the files, in the order of their digests.
-pub(crate) const FILES: [&str; 3] = ["specular.ktx2", "irradiance.ktx2", "sh.json"];
+fn files(recipe: &EnvironmentRecipe) -> [String; 3] {
+    let cube = |name: &str, content: &str| format!("{name}.{}", cube_spec(recipe, content).extension());
+    [cube("specular", SPECULAR), cube("irradiance", IRRADIANCE), "sh.json".to_owned()]
+}
+
+/// The format of one of the cubes. Babylon.js' environments are whole chains: irradiance, which is one level, is the same texels in a KTX2.
+fn cube_spec(recipe: &EnvironmentRecipe, content: &str) -> FormatSpec {
+    match recipe.format.packing() {
+        Packing::Texel(texel) if recipe.format.container() == Container::Env && content == IRRADIANCE => {
+            FormatSpec::ktx2(texel)
+        }
+        _ => recipe.format,
+    }
+}
 /// What the irradiance cube is called in certificates and in its file.
 pub(crate) const IRRADIANCE: &str = "irradiance";
+/// What the specular chain is called in its file.
+const SPECULAR: &str = "specular";
 /// The schema of `sh.json`.
 pub const SH_SCHEMA: &str = "kiln-sh/1";
 
@@ -38,6 +55,9 @@ pub struct ShFile {
     pub fit: IrradianceFit,
     /// The same of those that are negative nowhere.
     pub fit_nonnegative: IrradianceFit,
+    /// More bands, where more than three were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<Bands>,
 }
 
 /// The file of a sun that was taken out.
@@ -73,11 +93,13 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
     ChainSpec {
         size: recipe.size,
         roughness: recipe.level_roughness(),
+        kernel: recipe.kernel,
+        view: recipe.view,
         samples: samples as usize,
         seed: recipe.integration.seed,
         integrator: match recipe.integration.integrator {
-            // Only the random witness takes samples.
-            Integrator::Auto if recipe.integration.samples.is_some() => Integrator::MonteCarlo,
+            // Only the random witness takes samples, and views at an angle.
+            Integrator::Auto if recipe.integration.samples.is_some() || recipe.view.is_some() => Integrator::MonteCarlo,
             Integrator::Auto => Integrator::Zonal,
             chosen => chosen,
         },
@@ -127,26 +149,32 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
     let format = recipe.cube_format()?;
-    let (specular, irradiance) = filter(recipe, panorama, progress)?;
-    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format);
+    let truth = FullSum::new(panorama);
+    let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
+    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, recipe, format);
     let judged = EnvironmentValues { levels: &values, precision: precision(format, &values, packing.max_block_error) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
     let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
-    checks.extend(judged.against(panorama, recipe.integration.seed, false));
+    // The same function would make the same average again.
+    let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(cube, _)| cube);
+    checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
-    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
+    let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
+    let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));
+    let fit_of_bands = bands.as_ref().map(|bands| bands.fit);
+    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, bands };
     let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
-    let names = FILES.iter().copied().chain(sun.as_ref().map(|_| SUN_FILE));
+    let names = files(recipe).into_iter().chain(sun.as_ref().map(|_| SUN_FILE.to_owned()));
     let digests = digests(&values, &sh_bytes).into_iter().chain(sun.as_ref().map(|s| certificate::digest([&s[..]])));
     let certificate = Certificate {
         environment: Some(recipe.clone()),
         input: Some(input(source)),
-        files: names.clone().zip(digests).map(|(f, digest)| FileDigest { file: f.to_owned(), digest }).collect(),
+        files: names.clone().zip(digests).map(|(file, digest)| FileDigest { file, digest }).collect(),
         levels: values.iter().zip(specular.iter().chain([&irradiance])).map(|(v, (_, r))| level(&v.name, r)).collect(),
-        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
+        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative, bands: fit_of_bands }),
         checks,
         packing,
         ..Certificate::new()
@@ -155,14 +183,17 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let json = certificate.to_json()?;
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
-        let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
+        let mut metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
+        if content == SPECULAR {
+            metadata.extend(irradiance_of(recipe.format.container(), &sh.harmonics));
+        }
         let primaries = panorama.primaries();
         let texture = Texture { levels, metadata, primaries, ..Texture::empty_cube(format, size) };
-        format::encode(recipe.format, &texture)
+        format::encode(cube_spec(recipe, content), &texture)
     };
     let mut levels = bytes_of_levels;
     let last = levels.split_off(specular.len());
-    let contents = [cube("specular", recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
+    let contents = [cube(SPECULAR, recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
     let folder = Path::new(&recipe.directory);
     Ok(Baked {
         files: names.zip(contents.into_iter().chain(sun)).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
@@ -174,12 +205,18 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
 type Filtered = (Cube, LevelReport);
 
 /// The specular chain and the irradiance cube, with as many samples as the settings ask for.
-fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -> Result<(Vec<Filtered>, Filtered)> {
+fn filter(
+    recipe: &EnvironmentRecipe,
+    panorama: &Panorama,
+    truth: &FullSum,
+    progress: Progress,
+) -> Result<(Vec<Filtered>, Filtered)> {
     let settings = recipe.integration;
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) = chain_and_irradiance(panorama, &spec, recipe.irradiance_size, progress)?;
+        let (chain, irradiance) =
+            chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {
@@ -201,6 +238,7 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
 fn pack(
     specular: &[Filtered],
     irradiance: &Filtered,
+    recipe: &EnvironmentRecipe,
     format: TexelFormat,
 ) -> (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>) {
     let (mut all, mut report, mut values) = (vec![], PackReport::default(), vec![]);
@@ -212,6 +250,8 @@ fn pack(
         let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
         report = report.merge(packed);
         values.push(CubeLevel {
+            kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
+            view: recipe.view.filter(|_| name != IRRADIANCE),
             name,
             size: cube.size,
             roughness: found.roughness,
@@ -224,13 +264,34 @@ fn pack(
     (all, report, values)
 }
 
+/// The irradiance as a file's own metadata: Babylon.js' polynomial, Filament's nine lines. It is the one that is negative nowhere.
+fn irradiance_of(container: Container, harmonics: &SphericalHarmonics) -> Option<(String, String)> {
+    let terms = spherical_harmonics::polynomial(&harmonics.irradiance_over_pi_nonnegative);
+    match container {
+        Container::Env => {
+            let [constant, y, z, x, xy, yz, zonal, zx, squares] = terms;
+            // 1 = x² + y² + z² on the sphere.
+            let square = |of_zonal: f64, of_squares: f64| {
+                std::array::from_fn(|c| constant[c] + (of_zonal - 1.0) * zonal[c] + of_squares * squares[c])
+            };
+            let coefficients = [x, y, z, square(0.0, 1.0), square(0.0, -1.0), square(3.0, 0.0), yz, zx, xy];
+            Some((env::POLYNOMIAL_KEY.to_owned(), env::polynomial_json(&coefficients)))
+        }
+        Container::Ktx1 => {
+            let line = |rgb: &[f64; 3]| format!("{} {} {}\n", rgb[0] as f32, rgb[1] as f32, rgb[2] as f32);
+            Some((ktx1::SH_KEY.to_owned(), terms.iter().map(line).collect()))
+        }
+        _ => None,
+    }
+}
+
 /// What packing may have changed of the levels.
 pub(crate) fn precision(format: TexelFormat, levels: &[CubeLevel], block_error: f64) -> Precision {
     let values = levels.iter().flat_map(|level| level.texels.as_flattened()).map(|&v| f64::from(v));
     Precision::new(format, values, block_error)
 }
 
-/// Digests of the files, in the order of [`FILES`].
+/// Digests of the files, in the order of their names.
 pub(crate) fn digests(values: &[CubeLevel], sh: &[u8]) -> [String; 3] {
     let of = |levels: &[CubeLevel]| texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
     let (irradiance, specular) = values.split_last().map_or((&values[..0], values), |(_, s)| (&values[s.len()..], s));

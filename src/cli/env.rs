@@ -1,7 +1,7 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::IntegrationArgs;
+use super::arguments::{IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
@@ -9,8 +9,11 @@ use kiln::bake::Source;
 use kiln::certificate::Certificate;
 use kiln::colour::TargetColour;
 use kiln::environment::spherical_harmonics::IrradianceFit;
-use kiln::environment::{BUILTIN_PREFIX, InputLayout, InputReport, InstructionSet, Layout, Negatives, NonFinite};
+use kiln::environment::{
+    BUILTIN_PREFIX, InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, View,
+};
 use kiln::format::FormatSpec;
+use kiln::language::Language;
 use kiln::recipe::EnvironmentRecipe;
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -18,11 +21,11 @@ use std::path::{Path, PathBuf};
 /// Prefilter one environment: specular chain, irradiance and spherical harmonics
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json. Orientation: +Y up; a direction d \
+    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json; the extension is that of --format. Orientation: +Y up; a direction d \
                         samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
 )]
 pub struct Env {
-    /// Panorama (.hdr, .exr), cube (.ktx2; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
+    /// Panorama (.hdr, .exr), cube (.ktx2, .ktx, .dds, .env; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
     /// builtin:NAME, see `kiln list environments`. Of several, each gets a folder of its name, those that are baked already are
     /// skipped, and one that fails does not stop the others
     #[arg(required = true, value_name = "INPUT")]
@@ -45,10 +48,22 @@ pub struct Env {
     /// Roughness of each level, each half the size of the one before [default: m/(levels − 1), down to --min-size]
     #[arg(long, value_name = "R", value_delimiter = ',', conflicts_with = "min_size")]
     roughness: Vec<f64>,
+    /// What the specular levels weigh directions by
+    #[arg(long, value_enum, default_value = "nol")]
+    kernel: KernelName,
+    /// Filter for a surface seen at this angle to its normal instead of N = V = R, by Monte Carlo [with --kernel g1]
+    #[arg(long, value_name = "DEGREES")]
+    view_angle: Option<f64>,
+    /// Filter for a surface brushed along the plane of view, by Monte Carlo: αx = α/√(1 − 0.9 a), αy = α √(1 − 0.9 a) [with --kernel g1]
+    #[arg(long, value_name = "A")]
+    anisotropy: Option<f64>,
     /// Texels along an edge of the irradiance cube
     #[arg(long, value_name = "N", default_value_t = 32)]
     irradiance_size: usize,
-    /// Container and texel format of the cubes
+    /// Bands of spherical harmonics in sh.json, up to 10: more than 3 stand beside the nine coefficients
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    sh_bands: usize,
+    /// Container and texel format of the cubes, such as ktx2:rgb9e5+zstd, dds:bc6h, ktx1:b10g11r11, env: see `kiln list formats`
     #[arg(long, default_value = "ktx2:rgba16f")]
     format: FormatSpec,
     /// What the input is read as
@@ -67,6 +82,8 @@ pub struct Env {
     integration: IntegrationArgs,
     #[command(flatten)]
     adjust: AdjustArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -81,6 +98,16 @@ enum InputLayoutName {
     Strip,
     /// A cube texture or six files
     Cube,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KernelName {
+    /// GGX times N·L: what most real-time engines' filters converge to
+    Nol,
+    /// GGX times Smith's masking: the BRDF at N = V, as MaterialX filters
+    G1,
+    /// Charlie times N·L: sheen
+    Charlie,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -112,7 +139,7 @@ enum NegativesName {
 impl Env {
     pub fn run(&self, console: &Console) -> Result<()> {
         if let [input] = &self.inputs[..] {
-            let certificate = bake_environment(&self.recipe(input), &self.out, console)?;
+            let certificate = bake_environment(&self.recipe(input), &self.out, &self.shader.languages(), console)?;
             return if console.json { console.print_json(&certificate) } else { Ok(()) };
         }
         let names = names(&self.inputs)?;
@@ -127,7 +154,7 @@ impl Env {
                     console.note(&format!("{}: unchanged", target.display()));
                     certificates.push(certificate);
                 }
-                None => match bake_environment(&recipe, &self.out, console) {
+                None => match bake_environment(&recipe, &self.out, &self.shader.languages(), console) {
                     Ok(certificate) => certificates.push(certificate),
                     Err(error) => {
                         console.error(&error);
@@ -154,6 +181,16 @@ impl Env {
             if self.draft { (DRAFT_SIZE, DRAFT_SIZE / 4) } else { (self.size, self.irradiance_size) };
         recipe.min_size = self.min_size;
         recipe.roughness = (!self.roughness.is_empty()).then(|| self.roughness.clone());
+        recipe.kernel = match self.kernel {
+            KernelName::Nol => KernelKind::Nol,
+            KernelName::G1 => KernelKind::G1,
+            KernelName::Charlie => KernelKind::Charlie,
+        };
+        if self.view_angle.is_some() || self.anisotropy.is_some() {
+            let [angle, anisotropy] = [self.view_angle, self.anisotropy].map(|v| v.unwrap_or(0.0));
+            recipe.view = Some(View { angle, anisotropy });
+        }
+        recipe.sh_bands = self.sh_bands;
         recipe.format = self.format;
         recipe.input_layout = match self.input_layout {
             InputLayoutName::Auto => InputLayout::Auto,
@@ -219,8 +256,13 @@ fn names(inputs: &[String]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Bakes an environment below `folder`, and says what became of it.
-pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes an environment below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_environment(
+    recipe: &EnvironmentRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     recipe.check()?;
     // Before minutes of work, not after: whether the folder can be written to.
     let target = folder.join(&recipe.directory);
@@ -241,7 +283,8 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     let bar = console.progress(kiln::bake::environment_texels(recipe), &recipe.input);
     let baked = kiln::bake::environment(recipe, &source, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     baked.write(folder)?;
     let levels: Vec<String> = baked
         .certificate
@@ -263,6 +306,11 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
             percent(&fits.projected),
             percent(&fits.nonnegative)
         ));
+        if let Some(fit) = &fits.bands {
+            let lowest = if fit.min < 0.0 { ", below zero somewhere" } else { "" };
+            let count = recipe.sh_bands * recipe.sh_bands;
+            console.note(&format!("in {count} coefficients: off by {} RMS{lowest}", percent(fit)));
+        }
     }
     console.note(&format!(
         "{}{with}: {}; {} checks passed",
@@ -270,7 +318,7 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         levels.join(", "),
         baked.certificate.checks.len()
     ));
-    warn_of_packing(console, &target.display().to_string(), &baked.certificate.packing);
+    warn_of_packing(console, &target.display().to_string(), recipe.cube_format()?, &baked.certificate.packing);
     Ok(baked.certificate)
 }
 
