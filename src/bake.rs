@@ -6,8 +6,8 @@ mod environment;
 mod table;
 
 pub use environment::{
-    DEFAULT_SAMPLES, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels, is_current,
-    source,
+    DEFAULT_SAMPLES, EngineSh, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels,
+    is_current, source,
 };
 pub(crate) use environment::{IRRADIANCE, precision};
 pub use table::table;

@@ -9,7 +9,7 @@
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
-//! | 5 | [`check`], [`certificate`] (facts about a file) |
+//! | 5 | [`engine`] (what each engine reads); [`check`], [`certificate`] (facts about a file) |
 //! | 6 | [`bake`], [`verify`] |
 //! | 7 | [`report`] (previews) |
 //!
@@ -48,6 +48,7 @@ pub mod bake;
 pub mod certificate;
 pub mod check;
 pub mod colour;
+pub mod engine;
 pub mod environment;
 pub mod error;
 pub mod format;

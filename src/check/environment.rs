@@ -3,7 +3,7 @@
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, DARK_FLOOR, Kernel, Panorama, area_average};
+use crate::environment::{Cube, DARK_FLOOR, Kernel, Orientation, Panorama, area_average};
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
@@ -31,6 +31,8 @@ pub struct CubeLevel {
 pub struct EnvironmentValues<'a> {
     /// All cubes.
     pub levels: &'a [CubeLevel],
+    /// Which way the cubes are turned.
+    pub orientation: Orientation,
     /// What packing may have changed. Values that the format has no room for are stored as the nearest that it has.
     pub precision: Precision,
 }
@@ -100,7 +102,7 @@ impl EnvironmentValues<'_> {
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
-                let average = area_average(panorama, level.size);
+                let average = self.orientation.apply(&area_average(panorama, level.size));
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
                 checks.extend(worst("exact area average at every texel", &level.name, deviations));
@@ -110,13 +112,15 @@ impl EnvironmentValues<'_> {
                 checks.push(mean_check(level, panorama));
             }
             let kernel = Kernel::new(alpha);
-            let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
+            let turn = |d: DVec3| self.orientation.lookup(d);
+            let texels = if full { all(level) } else { chosen(level, panorama, turn, seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
                 format!("full sum at {} texels", texels.len())
             };
-            let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
+            let truth =
+                |texel: usize| sum.evaluate(self.orientation.world(texel_direction(level.size, texel)), &kernel);
             checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
         }
         checks
@@ -194,7 +198,7 @@ fn all(level: &CubeLevel) -> Vec<usize> {
 
 /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
 /// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
+fn chosen(level: &CubeLevel, panorama: &Panorama, turn: impl Fn(DVec3) -> DVec3, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
     let (column, row, _) = panorama.peak();
@@ -208,7 +212,7 @@ fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
         .into_iter()
         .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
     let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
-    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, d)));
+    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, turn(d))));
     let last = level.size * level.size - 1;
     texels.extend((0..6).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
     texels.sort_unstable();

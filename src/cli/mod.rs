@@ -6,6 +6,7 @@ mod adjustment;
 mod arguments;
 mod bake;
 mod console;
+mod engines;
 mod env;
 mod eval;
 mod info;

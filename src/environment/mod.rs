@@ -7,7 +7,7 @@
 //! calibrates it ([`photometry`]). From it come the area average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels
 //! ([`chain`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], [`full_sum`]), the Lambert
 //! irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
-//! ([`spherical_harmonics`]).
+//! ([`spherical_harmonics`]), which [`sh_convention`] and [`orientation`] bring to the form that an engine reads.
 
 mod adjust;
 pub mod area_average;
@@ -22,6 +22,8 @@ pub mod kernel;
 pub mod layout;
 pub mod monte_carlo;
 pub mod nonnegative;
+pub mod orientation;
+mod orientation_map;
 mod overlap;
 pub mod panorama;
 mod peel;
@@ -29,6 +31,7 @@ pub mod photometry;
 mod raw;
 pub mod repair;
 mod sampler;
+pub mod sh_convention;
 pub mod sky;
 mod source;
 pub mod spherical_harmonics;
@@ -49,9 +52,11 @@ pub use irradiance::irradiance_cube;
 pub use kernel::Kernel;
 pub use layout::{InputLayout, Layout};
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
+pub use orientation::Orientation;
 pub use panorama::{Panorama, luminance};
 pub use photometry::{Photometry, Unit};
 pub use repair::{InputReport, Negatives, NonFinite};
+pub use sh_convention::ShConvention;
 pub use source::{BUILTIN_PREFIX, Reading, load};
 pub use spherical_harmonics::SphericalHarmonics;
 pub use sun::{Sun, extract as extract_sun};

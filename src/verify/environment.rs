@@ -1,13 +1,13 @@
 //! Verification of an environment's files.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
+use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::{Panorama, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
-use crate::recipe::EnvironmentRecipe;
+use crate::recipe::{EnvironmentRecipe, cube_texel};
 use glam::DVec3;
 use std::path::Path;
 
@@ -24,11 +24,13 @@ pub(super) fn verify(
     let mut report = Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped };
     match content {
         Content::Texture(texture) => {
-            let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
+            let levels = levels(path, texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
-            let precision = precision(recipe.cube_format()?, &levels, certificate.packing.max_block_error);
-            let judged = EnvironmentValues { levels: &levels, precision };
+            let is_irradiance = levels[0].name == IRRADIANCE;
+            let format = cube_texel(if is_irradiance { recipe.format_of_irradiance() } else { recipe.format })?;
+            let precision = precision(format, &levels, certificate.packing.max_block_error);
+            let judged = EnvironmentValues { levels: &levels, precision, orientation: recipe.orientation };
             report
                 .checks
                 .extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
@@ -39,7 +41,7 @@ pub(super) fn verify(
             }
             let names: Vec<String> =
                 levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
-            let kind = if levels[0].name == IRRADIANCE { "irradiance E/π" } else { "specular chain" };
+            let kind = if is_irradiance { "irradiance E/π" } else { "specular chain" };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
         Content::Json(value) if value["schema"] == SUN_SCHEMA => {
@@ -81,7 +83,7 @@ pub(super) fn verify(
                 .map_err(|e| Error::invalid(format!("not spherical harmonics: {e}"), "bake it again").in_file(path))?;
             let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
             report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
-            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, p)));
+            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, recipe, p)));
         }
         Content::Picture(_) => {
             return Err(Error::invalid(
@@ -110,13 +112,24 @@ fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Optio
 }
 
 /// The cubes of a texture, with what the certificate claims of each.
-fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+fn levels(
+    path: &Path,
+    texture: &Texture,
+    certificate: &Certificate,
+    recipe: &EnvironmentRecipe,
+) -> Result<Vec<CubeLevel>> {
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
-    // Which of the two cubes this is, the file says.
-    let claimed = if texture.metadata(certificate::CONTENT_KEY) == Some(IRRADIANCE) { irradiance } else { specular };
+    // Which of the two cubes this is, the file says, or its name where it has no place to say it.
+    let by_name = || path.file_name().and_then(|n| n.to_str()) == recipe.irradiance_name().as_deref();
+    let is_irradiance =
+        texture.metadata(certificate::CONTENT_KEY).map_or_else(by_name, |content| content == IRRADIANCE);
+    let claimed = if is_irradiance { irradiance } else { specular };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
-    if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
+    if texture.faces != 6
+        || texture.levels.len() != claimed.len()
+        || claimed.first().is_none_or(|l| texture.width != l.size)
+    {
         return Err(Error::invalid(
             format!(
                 "{}, where the certificate says a cube chain from {} or {}",
@@ -153,7 +166,7 @@ fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentReci
 const MOST_ERROR: f64 = 0.5;
 
 /// The coefficients, integrated again.
-fn harmonics(sh: &ShFile, panorama: &Panorama) -> Check {
+fn harmonics(sh: &ShFile, recipe: &EnvironmentRecipe, panorama: &Panorama) -> Check {
     let wanted = spherical_harmonics::project(panorama);
     let pairs = |a: &spherical_harmonics::Coefficients, b: &spherical_harmonics::Coefficients| {
         let largest = b.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -164,5 +177,12 @@ fn harmonics(sh: &ShFile, panorama: &Panorama) -> Check {
     let figure = pairs(&sh.harmonics.radiance, &wanted.radiance)
         .max(pairs(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi))
         .max(pairs(&sh.harmonics.irradiance_over_pi_nonnegative, &wanted.irradiance_over_pi_nonnegative));
-    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, "worst of 81")
+    let figure = match (&sh.engine, EngineSh::new(recipe, &wanted)) {
+        (Some(found), Some(again)) if found.convention == again.convention => {
+            figure.max(pairs(&found.coefficients, &again.coefficients))
+        }
+        (None, None) => figure,
+        _ => f64::INFINITY,
+    };
+    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, "worst of all")
 }

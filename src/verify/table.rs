@@ -52,7 +52,7 @@ fn claimed_errors(certificate: &Certificate, spec: &TableSpec, integration: &Int
         None => integration.tolerance_of(c.is_monte_carlo(integration)),
     };
     let claim = |name: &str| certificate.channels.iter().find(|c| c.quantity == name).map_or(0.0, |c| c.max_error);
-    spec.channels.iter().map(|c| claim(c.quantity.name).min(most(c))).collect()
+    spec.channels.iter().map(|c| claim(&c.label()).min(most(c))).collect()
 }
 
 /// The values of the claimed channels, channel fastest.
@@ -80,7 +80,8 @@ fn texels(content: &Content, spec: &TableSpec, arrangement: &Arrangement) -> Res
                     )
                 })
             };
-            let names: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
+            let labels: Vec<String> = spec.channels.iter().map(Handle::label).collect();
+            let names: Vec<&str> = labels.iter().map(String::as_str).collect();
             let order: Vec<usize> = arrangement.names(&names).iter().map(index).collect::<Result<_>>()?;
             image.texels.chunks_exact(image.channels.len()).flat_map(|t| order.iter().map(|&i| t[i])).collect()
         }
