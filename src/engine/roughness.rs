@@ -79,7 +79,8 @@ impl RoughnessMap {
             }
             Self::Unreal => ((m - last + 1.0) / UNREAL_SCALE).exp2(),
         };
-        r.clamp(0.0, 1.0)
+        // A root that rounds to just below 1 is 1: the level holds what Lambert's irradiance is.
+        if r > 1.0 - 1e-12 { 1.0 } else { r.max(0.0) }
     }
 
     /// The shader's formula, in words.

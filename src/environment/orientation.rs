@@ -149,9 +149,8 @@ mod tests {
     use super::*;
 
     fn every() -> Vec<Orientation> {
-        let axes = ["x", "y", "z", "-x", "-y", "-z"];
-        let triples =
-            axes.iter().flat_map(|a| axes.iter().flat_map(move |b| axes.iter().map(move |c| format!("{a},{b},{c}"))));
+        let axis = |i: usize| ["x", "y", "z", "-x", "-y", "-z"][i];
+        let triples = (0..216).map(|i| [i / 36, i / 6 % 6, i % 6].map(axis).join(","));
         triples.filter_map(|text| text.parse().ok()).collect()
     }
 

@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     fn every() -> Vec<Transform> {
-        ["+0.5", "-0.5", "*2", "/1.03571:-0.5", "y/(1+y)", "*-3:+1:y/(1+y)", "min(y,1)"]
+        ["+0.5", "-0.5", "*2", "/1.03571:-0.5", "y/(1+y)", "*-0.3:+1:y/(1+y)", "min(y,1)"]
             .map(|text| text.parse().unwrap())
             .to_vec()
     }
