@@ -10,7 +10,7 @@
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
 //! | 5 | [`engine`] (what each engine reads); [`check`], [`certificate`] (facts about a file) |
-//! | 6 | [`bake`], [`verify`] |
+//! | 6 | [`bake`], [`verify`], [`convert`] |
 //! | 7 | [`report`] (previews) |
 //!
 //! # Units
@@ -48,6 +48,7 @@ pub mod bake;
 pub mod certificate;
 pub mod check;
 pub mod colour;
+pub mod convert;
 pub mod engine;
 pub mod environment;
 pub mod error;

@@ -8,7 +8,7 @@ use crate::environment::{
     Adjustment, ChainSpec, InputLayout, Negatives, NonFinite, Orientation, Reading, ShConvention,
 };
 use crate::error::{Error, Result};
-use crate::format::{FormatSpec, Packing};
+use crate::format::{Container, FormatSpec, Packing};
 use crate::integrate::Settings;
 use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
@@ -339,9 +339,14 @@ impl EnvironmentRecipe {
         ChainSpec::new(self.size, self.min_size).roughness
     }
 
-    /// Container and texel format of the irradiance cube.
+    /// Container and texel format of the irradiance cube. Babylon.js' environments are whole chains: irradiance, which is one level, is the
+    /// same texels in a KTX2.
     pub fn format_of_irradiance(&self) -> FormatSpec {
-        self.irradiance_format.unwrap_or(self.format)
+        match (self.irradiance_format, self.format.packing()) {
+            (Some(own), _) => own,
+            (None, Packing::Texel(texel)) if self.format.container() == Container::Env => FormatSpec::ktx2(texel),
+            (None, _) => self.format,
+        }
     }
 
     /// Name of the specular cube's file.

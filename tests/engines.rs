@@ -261,12 +261,15 @@ fn filaments_file_carries_its_coefficients_and_they_render_kilns_irradiance() {
         let wanted = spherical_harmonics::evaluate(&harmonics.irradiance_over_pi_nonnegative, d);
         for c in 0..3 {
             let got: f64 = (0..9).map(|i| numbers[3 * i + c] * factors[i]).sum();
-            assert!((got - wanted[c]).abs() < 1e-9 * wanted[0].abs().max(1.0), "{d} {c}: {got} {}", wanted[c]);
+            // Nine numbers of single precision, of the size of the largest.
+            let largest = numbers.iter().fold(0.0_f64, |m, n| m.max(n.abs()));
+            assert!((got - wanted[c]).abs() < 9.0 * 6e-8 * largest * 3.0, "{d} {c}: {got} {}", wanted[c]);
         }
     }
     let sh: ShFile = serde_json::from_slice(&baked.files[1].1).expect("sh.json");
     let own = sh.engine.expect("an engine's coefficients");
-    assert_eq!((own.convention, own.coefficients[0][0]), (ShConvention::Filament, numbers[0]));
+    assert_eq!(own.convention, ShConvention::Filament);
+    assert_eq!(own.coefficients[0][0] as f32, numbers[0] as f32);
 }
 
 #[test]

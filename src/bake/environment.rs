@@ -7,7 +7,7 @@ use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
 use crate::environment::{Adjusted, Cube, InputReport, Orientation, Panorama, ShConvention, Sun, Unit, load};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, FormatSpec, Texture};
+use crate::format::{self, Container, FormatSpec, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
@@ -24,6 +24,8 @@ const MOST_SAMPLES: u64 = 1 << 18;
 pub(crate) const SH_FILE: &str = "sh.json";
 /// What the irradiance cube is called in certificates and in its file.
 pub(crate) const IRRADIANCE: &str = "irradiance";
+/// What the specular chain is called in its file.
+const SPECULAR: &str = "specular";
 /// The schema of `sh.json`.
 pub const SH_SCHEMA: &str = "kiln-sh/1";
 
@@ -68,19 +70,25 @@ impl EngineSh {
             coefficients: convention.coefficients(&harmonics.irradiance_over_pi_nonnegative, &recipe.orientation),
         })
     }
+}
 
-    /// The key and the text under which a container carries them; nothing where it has no place for them.
-    fn metadata(&self, container: Container) -> Option<(String, String)> {
-        match (container, self.convention) {
-            (Container::Ktx1, ShConvention::Filament) => {
-                let lines: String = self.coefficients.iter().map(|[r, g, b]| format!("{r} {g} {b}\n")).collect();
-                Some((format::ktx1::SH_KEY.to_owned(), lines))
-            }
-            (Container::Env, ShConvention::Babylon) => {
-                Some((format::env::POLYNOMIAL_KEY.to_owned(), format::env::polynomial_json(&self.coefficients)))
-            }
-            _ => None,
+/// The irradiance as a file's own metadata, of containers that have a place for it: Filament's nine lines, Babylon.js' polynomial.
+fn irradiance_of(
+    container: Container,
+    recipe: &EnvironmentRecipe,
+    of: &SphericalHarmonics,
+) -> Option<(String, String)> {
+    let coefficients =
+        |convention: ShConvention| convention.coefficients(&of.irradiance_over_pi_nonnegative, &recipe.orientation);
+    match container {
+        Container::Ktx1 => {
+            let line = |rgb: &[f64; 3]| format!("{} {} {}\n", rgb[0] as f32, rgb[1] as f32, rgb[2] as f32);
+            Some((ktx1::SH_KEY.to_owned(), coefficients(ShConvention::Filament).iter().map(line).collect()))
         }
+        Container::Env => {
+            Some((env::POLYNOMIAL_KEY.to_owned(), env::polynomial_json(&coefficients(ShConvention::Babylon))))
+        }
+        _ => None,
     }
 }
 
@@ -175,7 +183,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
     let engine = EngineSh::new(recipe, &harmonics);
-    let mut cubes = vec![Packed::new("specular", recipe.specular_name(), recipe.format, recipe.size)];
+    let mut cubes = vec![Packed::new(SPECULAR, recipe.specular_name(), recipe.format, recipe.size)];
     for (m, level) in specular.iter().enumerate() {
         cubes[0].push(format!("specular {m}"), level, recipe.orientation)?;
     }
@@ -191,8 +199,8 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         checks.extend(judged.against(panorama, recipe.integration.seed, false));
     }
     checks.extend(level_zero_flux(&specular[0].1));
-    let sh_bytes =
-        json(&ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, engine: engine.clone() })?;
+    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, engine };
+    let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
     let json_files = [(SH_FILE, sh_bytes)].into_iter().chain(sun.map(|bytes| (SUN_FILE, bytes)));
     let json_files: Vec<(String, Vec<u8>)> = json_files.map(|(name, bytes)| (name.to_owned(), bytes)).collect();
@@ -218,7 +226,9 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     for cube in cubes {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let mut metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, cube.content)];
-        metadata.extend(engine.as_ref().and_then(|engine| engine.metadata(cube.format.container())));
+        if cube.content == SPECULAR {
+            metadata.extend(irradiance_of(cube.format.container(), recipe, &sh.harmonics));
+        }
         files.push((cube.name.clone(), cube.encode(metadata, panorama)?));
     }
     let folder = Path::new(&recipe.directory);

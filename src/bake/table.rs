@@ -4,7 +4,7 @@ use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, Channel, FileDigest};
 use crate::check::{Precision, TableValues};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, Image, Texture, exr};
+use crate::format::{self, Container, Image, Texture, exr, source};
 use crate::integrate::{Integration, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::TableRecipe;
@@ -148,6 +148,10 @@ fn encode(table: &Table, mut file: Texture, recipe: &TableRecipe, certificate: &
         }
         _ => {
             file.metadata = metadata;
+            if recipe.format.container().is_source() {
+                let name = Path::new(&recipe.file).file_stem().and_then(|n| n.to_str()).unwrap_or_default();
+                file.metadata.push((source::NAME_KEY.to_owned(), name.to_owned()));
+            }
             format::encode(recipe.format, &file)
         }
     }

@@ -6,6 +6,7 @@ mod adjustment;
 mod arguments;
 mod bake;
 mod console;
+mod convert;
 mod engines;
 mod env;
 mod eval;
@@ -52,6 +53,7 @@ enum Verb {
     Verify(verify::Verify),
     Info(info::Info),
     Show(show::Show),
+    Convert(convert::Convert),
     List(list::List),
 }
 
@@ -77,6 +79,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Verify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
     }
 }

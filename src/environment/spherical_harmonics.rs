@@ -75,6 +75,12 @@ pub fn evaluate(coefficients: &Coefficients, direction: DVec3) -> [f64; 3] {
     std::array::from_fn(|c| (0..9).map(|i| coefficients[i][c] * basis[i]).sum())
 }
 
+/// The factors of the polynomials of [`ORDER`]: each coefficient times its normalisation, so that a shader needs no constants.
+pub fn polynomial(coefficients: &Coefficients) -> Coefficients {
+    let norm = normalisation();
+    std::array::from_fn(|i| coefficients[i].map(|v| norm[i] * v))
+}
+
 /// The exact coefficients of a panorama.
 pub fn project(panorama: &Panorama) -> SphericalHarmonics {
     let radiance = project_radiance(panorama);

@@ -85,9 +85,9 @@ pub(super) fn verify(
             report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
             report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, recipe, p)));
         }
-        Content::Picture(_) => {
+        Content::Picture(_) | Content::Array(_) | Content::Raw(_) => {
             return Err(Error::invalid(
-                "a picture, where the certificate says a cube",
+                "no texture, where the certificate says a cube",
                 "give the environment's own file",
             )
             .in_file(path));

@@ -5,10 +5,11 @@ use crate::bake::texel_digest;
 use crate::certificate::Certificate;
 use crate::check::{Check, Precision, TableValues};
 use crate::error::{Error, Result};
+use crate::format::{Container, Texture, raw};
 use crate::integrate::Integration;
 use crate::recipe::TableRecipe;
+use crate::table::TableSpec;
 use crate::table::quantity::Handle;
-use crate::table::{Arrangement, TableSpec};
 use std::path::Path;
 
 pub(super) fn verify(
@@ -20,7 +21,7 @@ pub(super) fn verify(
 ) -> Result<Report> {
     let spec = recipe.spec()?;
     spec.check().map_err(|e| e.in_file(path))?;
-    let texels = texels(content, &spec, &recipe.arrangement()?).map_err(|e| e.in_file(path))?;
+    let texels = texels(content, &spec, recipe).map_err(|e| e.in_file(path))?;
     let integration = Integration::new(recipe.integration)?;
     let errors = claimed_errors(certificate, &spec, &integration);
     let kinds = spec.error_kinds(&integration);
@@ -56,7 +57,8 @@ fn claimed_errors(certificate: &Certificate, spec: &TableSpec, integration: &Int
 }
 
 /// The values of the claimed channels, channel fastest.
-fn texels(content: &Content, spec: &TableSpec, arrangement: &Arrangement) -> Result<Vec<f32>> {
+fn texels(content: &Content, spec: &TableSpec, recipe: &TableRecipe) -> Result<Vec<f32>> {
+    let arrangement = recipe.arrangement()?;
     let wanted = arrangement.size;
     let same_size = |size: [usize; 3]| {
         if size == wanted {
@@ -82,8 +84,30 @@ fn texels(content: &Content, spec: &TableSpec, arrangement: &Arrangement) -> Res
             };
             let labels: Vec<String> = spec.channels.iter().map(Handle::label).collect();
             let names: Vec<&str> = labels.iter().map(String::as_str).collect();
-            let order: Vec<usize> = arrangement.names(&names).iter().map(index).collect::<Result<_>>()?;
+            // Only an OpenEXR has the names; elsewhere channels stand in their order.
+            let order: Vec<usize> = if recipe.format.container() == Container::Exr {
+                arrangement.names(&names).iter().map(index).collect::<Result<_>>()?
+            } else {
+                (0..n.min(image.channels.len())).collect()
+            };
             image.texels.chunks_exact(image.channels.len()).flat_map(|t| order.iter().map(|&i| t[i])).collect()
+        }
+        Content::Raw(bytes) => {
+            let [width, height, depth] = arrangement.size;
+            let depth = if arrangement.is_volume() { depth } else { 0 };
+            let like = Texture { depth, ..Texture::empty(recipe.texel_format()?, width, height) };
+            let texture = raw::decode(bytes, &like, 1)?;
+            return texels(&Content::Texture(texture), spec, recipe);
+        }
+        Content::Array(array) => {
+            let stored = recipe.texel_format()?.channels();
+            if array.values.len() != wanted.iter().product::<usize>() * stored {
+                return Err(Error::invalid(
+                    format!("an array of {:?}, where the certificate says {wanted:?}", array.shape),
+                    "bake the file again",
+                ));
+            }
+            array.values.chunks_exact(stored).flat_map(|t| t[..n].iter().map(|&v| v as f32)).collect()
         }
         Content::Texture(texture) => {
             same_size([texture.width, texture.height, texture.depth.max(1)])?;
