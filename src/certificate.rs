@@ -164,6 +164,9 @@ pub struct ShFits {
     pub projected: IrradianceFit,
     /// What is negative nowhere.
     pub nonnegative: IrradianceFit,
+    /// The projection of all bands, where more than three were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<IrradianceFit>,
 }
 
 /// The panorama behind an environment.

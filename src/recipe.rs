@@ -4,8 +4,10 @@
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
 use crate::colour::TargetColour;
+use crate::environment::chain::{LEAST_SHEEN, check_kernel, check_view};
+use crate::environment::sh_bands::MOST_BANDS;
 use crate::environment::{
-    Adjustment, ChainSpec, InputLayout, Negatives, NonFinite, Orientation, Reading, ShConvention,
+    Adjustment, ChainSpec, InputLayout, KernelKind, Negatives, NonFinite, Orientation, Reading, ShConvention, View,
 };
 use crate::error::{Error, Result};
 use crate::format::{Container, FormatSpec, Packing};
@@ -85,9 +87,18 @@ pub struct EnvironmentRecipe {
     /// Roughness of each level; each is half the size of the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness: Option<Vec<f64>>,
+    /// What the specular levels weigh directions by.
+    #[serde(default)]
+    pub kernel: KernelKind,
+    /// How the surface is seen, if not as N = V = R.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<View>,
     /// Texels along an edge of the irradiance cube.
     #[serde(default = "default_irradiance_size")]
     pub irradiance_size: usize,
+    /// Bands of spherical harmonics: 3 for nine coefficients, or up to [`MOST_BANDS`].
+    #[serde(default = "default_sh_bands")]
+    pub sh_bands: usize,
     /// Container and texel format of the cubes.
     #[serde(default = "default_cube_format")]
     pub format: FormatSpec,
@@ -160,6 +171,10 @@ fn default_min_size() -> usize {
 
 fn default_irradiance_size() -> usize {
     32
+}
+
+fn default_sh_bands() -> usize {
+    3
 }
 
 fn default_cube_format() -> FormatSpec {
@@ -316,7 +331,10 @@ impl EnvironmentRecipe {
             size: default_size(),
             min_size: default_min_size(),
             roughness: None,
+            kernel: KernelKind::default(),
+            view: None,
             irradiance_size: default_irradiance_size(),
+            sh_bands: default_sh_bands(),
             format: default_cube_format(),
             irradiance: IrradianceKind::default(),
             irradiance_format: None,
@@ -331,12 +349,17 @@ impl EnvironmentRecipe {
         }
     }
 
-    /// The roughness of every level: the given ones, or m/(levels − 1) for the levels from `size` down to `min_size`.
+    /// The roughness of every level: the given ones, or m/(levels − 1) for the levels from `size` down to `min_size`; a sheen, which is no
+    /// mirror at 0, starts at [`LEAST_SHEEN`].
     pub fn level_roughness(&self) -> Vec<f64> {
         if let Some(roughness) = &self.roughness {
             return roughness.clone();
         }
-        ChainSpec::new(self.size, self.min_size).roughness
+        let mut roughness = ChainSpec::new(self.size, self.min_size).roughness;
+        if self.kernel == KernelKind::Charlie {
+            roughness[0] = LEAST_SHEEN;
+        }
+        roughness
     }
 
     /// Container and texel format of the irradiance cube. Babylon.js' environments are whole chains: irradiance, which is one level, is the
@@ -389,6 +412,15 @@ impl EnvironmentRecipe {
     pub fn check(&self) -> Result<()> {
         self.integration.check()?;
         self.adjust.check()?;
+        if !(3..=MOST_BANDS).contains(&self.sh_bands) {
+            return Err(Error::usage(
+                format!("{} bands of spherical harmonics are not in 3..={MOST_BANDS}", self.sh_bands),
+                "use something like --sh-bands 5, or leave it out for three",
+            ));
+        }
+        if let Some(view) = self.view {
+            check_view(view, self.kernel, self.integration.integrator)?;
+        }
         self.check_names()?;
         for (name, size) in
             [("size", self.size), ("min-size", self.min_size), ("irradiance-size", self.irradiance_size)]
@@ -416,6 +448,7 @@ impl EnvironmentRecipe {
                     "give one per level, such as --roughness 0,0.5,1",
                 ));
             }
+            check_kernel(self.kernel, roughness)?;
             let most = self.size.ilog2() as usize + 1;
             if roughness.len() > most {
                 return Err(Error::usage(

@@ -22,7 +22,8 @@ const CUBE: usize = 16;
 fn small(engine: &'static Engine, input: &str, as_shipped: bool) -> Recipe {
     let mut recipe = engine::recipe(&[engine], &[input.to_owned()], as_shipped).expect("a preset");
     for table in &mut recipe.tables {
-        table.axes.iter_mut().for_each(|axis| axis.size = AXIS);
+        let size = if table.axes.len() == 3 { AXIS / 2 } else { AXIS };
+        table.axes.iter_mut().for_each(|axis| axis.size = size);
     }
     for environment in &mut recipe.environments {
         let preset = engine.environment.as_ref().expect("an environment");
@@ -52,7 +53,8 @@ fn bake_all(recipe: &Recipe, folder: &Path) -> Vec<Baked> {
 fn every_preset_bakes_and_verifies() {
     for engine in ENGINES {
         let folder = tempfile::tempdir().expect("a folder");
-        bake_all(&small(engine, "builtin:gradient", false), folder.path());
+        // A constant is filtered in a moment; what filters do to others is judged elsewhere.
+        bake_all(&small(engine, "builtin:white", false), folder.path());
         let files = verify::files_of(folder.path()).expect("certificates");
         assert!(!files.is_empty(), "{}", engine.name);
         for file in files {
@@ -102,10 +104,11 @@ fn every_engines_lookup_finds_the_world_the_right_way_round() {
 
 #[test]
 fn a_baked_cube_holds_on_each_face_what_the_triples_say() {
-    for engine in ENGINES {
+    // Two turned cubes, one of them by exchanged axes; the turning itself has its own tests.
+    for engine in ["bevy", "unreal"].map(|name| engine::find(name).expect("an engine")) {
         let mut recipe = small(engine, "builtin:orientation", false);
         recipe.tables.clear();
-        let Some(environment) = recipe.environments.first() else { continue };
+        let environment = &recipe.environments[0];
         let source = bake::source(environment).expect("an input");
         let baked = bake::environment(environment, &source, &|_| {}).expect("a bake");
         let Ok(Decoded::Texture(texture)) = decode(&baked.files[0].1) else { panic!("{}: no texture", engine.name) };
@@ -332,7 +335,7 @@ fn the_flags_that_an_engine_stands_for_make_the_same_table() {
         let preset = engine::find(engine).expect("an engine").tables;
         let Some(table) = preset.iter().find(|t| t.file == arguments[2]) else { panic!("{line}") };
         let recipe = table.recipe(false).expect("a recipe");
-        if recipe.axes.iter().map(|a| a.size).product::<usize>() > 1024 {
+        if recipe.axes.iter().map(|a| a.size).product::<usize>() > 256 {
             continue;
         }
         succeed(folder.path(), &[&["table"], &arguments[..]].concat());

@@ -4,8 +4,9 @@ use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
+use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, Orientation, Panorama, ShConvention, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, FormatSpec, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
@@ -13,6 +14,7 @@ use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
 use crate::recipe::cube_texel;
 use crate::table::Progress;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -44,6 +46,9 @@ pub struct ShFile {
     /// Those that are negative nowhere, as an engine's shader reads them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engine: Option<EngineSh>,
+    /// More bands, where more than three were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<Bands>,
 }
 
 /// Nine coefficients in an engine's convention, for the vectors that its shader looks up.
@@ -125,11 +130,13 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
     ChainSpec {
         size: recipe.size,
         roughness: recipe.level_roughness(),
+        kernel: recipe.kernel,
+        view: recipe.view,
         samples: samples as usize,
         seed: recipe.integration.seed,
         integrator: match recipe.integration.integrator {
-            // Only the random witness takes samples.
-            Integrator::Auto if recipe.integration.samples.is_some() => Integrator::MonteCarlo,
+            // Only the random witness takes samples, and views at an angle.
+            Integrator::Auto if recipe.integration.samples.is_some() || recipe.view.is_some() => Integrator::MonteCarlo,
             Integrator::Auto => Integrator::Zonal,
             chosen => chosen,
         },
@@ -185,11 +192,11 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let engine = EngineSh::new(recipe, &harmonics);
     let mut cubes = vec![Packed::new(SPECULAR, recipe.specular_name(), recipe.format, recipe.size)];
     for (m, level) in specular.iter().enumerate() {
-        cubes[0].push(format!("specular {m}"), level, recipe.orientation)?;
+        cubes[0].push(format!("specular {m}"), level, recipe)?;
     }
     if let Some(name) = recipe.irradiance_name() {
         let mut cube = Packed::new(IRRADIANCE, name, recipe.format_of_irradiance(), recipe.irradiance_size);
-        cube.push(IRRADIANCE.to_owned(), &irradiance, recipe.orientation)?;
+        cube.push(IRRADIANCE.to_owned(), &irradiance, recipe)?;
         cubes.push(cube);
     }
     let mut checks = vec![];
@@ -199,7 +206,10 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         checks.extend(judged.against(panorama, recipe.integration.seed, false));
     }
     checks.extend(level_zero_flux(&specular[0].1));
-    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, engine };
+    let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
+    let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));
+    let fit_of_bands = bands.as_ref().map(|bands| bands.fit);
+    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, engine, bands };
     let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
     let json_files = [(SH_FILE, sh_bytes)].into_iter().chain(sun.map(|bytes| (SUN_FILE, bytes)));
@@ -215,7 +225,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
             .flat_map(|cube| cube.levels.iter().zip(&cube.reports))
             .map(|(values, report)| level(&values.name, report))
             .collect(),
-        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
+        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative, bands: fit_of_bands }),
         checks,
         packing: cubes.iter().fold(PackReport::default(), |report, cube| report.merge(cube.packing)),
         ..Certificate::new()
@@ -260,9 +270,9 @@ impl Packed {
     }
 
     /// Turns and packs the next level.
-    fn push(&mut self, name: String, (cube, found): &Filtered, orientation: Orientation) -> Result<()> {
+    fn push(&mut self, name: String, (cube, found): &Filtered, recipe: &EnvironmentRecipe) -> Result<()> {
         let format = cube_texel(self.format)?;
-        let (cube, n) = (orientation.apply(cube), format.channels());
+        let (cube, n) = (recipe.orientation.apply(cube), format.channels());
         let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
         let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
         let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
@@ -270,6 +280,8 @@ impl Packed {
         self.bytes.push(bytes);
         self.reports.push(found.clone());
         self.levels.push(CubeLevel {
+            kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
+            view: recipe.view.filter(|_| name != IRRADIANCE),
             name,
             size: cube.size,
             roughness: found.roughness,

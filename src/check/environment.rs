@@ -3,7 +3,7 @@
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, DARK_FLOOR, Kernel, Orientation, Panorama, area_average};
+use crate::environment::{Cube, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, View, ViewLobe, area_average};
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
@@ -18,6 +18,10 @@ pub struct CubeLevel {
     pub size: usize,
     /// The artist's roughness.
     pub roughness: f64,
+    /// What it weighs directions by.
+    pub kernel: KernelKind,
+    /// How the surface is seen, if not as N = V = R.
+    pub view: Option<View>,
     /// Six faces, rows, texels.
     pub texels: Vec<[f32; 3]>,
     /// Largest standard error (or bound, for a deterministic level) in parts of max(value, 1e-3 × the channel's mean).
@@ -108,10 +112,14 @@ impl EnvironmentValues<'_> {
                 checks.extend(worst("exact area average at every texel", &level.name, deviations));
                 continue;
             }
+            if let Some(view) = level.view {
+                checks.extend(self.against_view(level, view, panorama, seed.wrapping_add(index as u64)));
+                continue;
+            }
             if alpha * level.size as f64 >= RESOLVED {
                 checks.push(mean_check(level, panorama));
             }
-            let kernel = Kernel::new(alpha);
+            let kernel = Kernel::of(level.kernel, alpha);
             let turn = |d: DVec3| self.orientation.lookup(d);
             let texels = if full { all(level) } else { chosen(level, panorama, turn, seed.wrapping_add(index as u64)) };
             let name = if full {
@@ -131,6 +139,22 @@ impl EnvironmentValues<'_> {
         let faces = level.texels.chunks_exact(level.size * level.size);
         let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(level.size, level.size, face.as_flattened());
         (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
+    }
+
+    /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the
+    /// lobe to [`VIEW_SUM`].
+    fn against_view(&self, level: &CubeLevel, view: View, panorama: &Panorama, seed: u64) -> Option<Check> {
+        let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
+        let all = chosen(level, panorama, |d| self.orientation.lookup(d), seed);
+        let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
+        let name = format!("sum over the panorama at {} texels", texels.len());
+        let sums: Vec<[f64; 3]> = texels
+            .iter()
+            .map(|&texel| lobe.sum(panorama, self.orientation.world(texel_direction(level.size, texel))))
+            .collect();
+        let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
+        let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
+        worst(&name, &level.name, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
@@ -169,6 +193,10 @@ fn block(level: &CubeLevel, texel: usize) -> usize {
     let per_face = level.size.div_ceil(bc6h::BLOCK).pow(2);
     texel / area * per_face + bc6h::block_of(level.size, texel % area)
 }
+
+/// Texels of a level seen at an angle that are summed over the panorama, and the error of that sum.
+const VIEW_POINTS: usize = 24;
+const VIEW_SUM: f64 = 1e-3;
 
 /// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to
 /// the mean of the filtered function but for [`TEXEL_SUM`].

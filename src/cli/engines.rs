@@ -142,7 +142,7 @@ impl EnvironmentRow {
             roughness: preset.level_roughness(preset.size, false),
             level: preset.roughness.formula(),
             roughness_as_shipped: preset.as_shipped.map(|_| preset.level_roughness(preset.size, true)),
-            kernel: preset.kernel,
+            kernel: preset.kernel.name(),
             faces: orientation.faces(),
             orientation: orientation.to_string(),
             mirror: orientation.is_mirror(),
@@ -250,7 +250,7 @@ fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
     if preset.sh != ShConvention::Kiln {
         flags += &format!(" --sh {}", preset.sh.name());
     }
-    flags += &format!(" --kernel {}", preset.kernel);
+    flags += &format!(" --kernel {}", preset.kernel.name());
     if let Levels::DownTo(last) = preset.levels {
         flags += &format!(" ({n} levels, down to {last} texels)");
     }

@@ -11,7 +11,7 @@ use kiln::colour::TargetColour;
 use kiln::engine;
 use kiln::environment::spherical_harmonics::IrradianceFit;
 use kiln::environment::{
-    InputLayout, InputReport, InstructionSet, Layout, Negatives, NonFinite, Orientation, ShConvention,
+    InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention, View,
 };
 use kiln::format::FormatSpec;
 use kiln::recipe::{EnvironmentRecipe, IrradianceKind};
@@ -50,6 +50,18 @@ pub struct Env {
     /// Roughness of each level, each half the size of the one before [default: m/(levels − 1), down to --min-size]
     #[arg(long, value_name = "R", value_delimiter = ',', conflicts_with = "min_size")]
     roughness: Vec<f64>,
+    /// What the specular levels weigh directions by [default: nol]
+    #[arg(long, value_enum)]
+    kernel: Option<KernelName>,
+    /// Filter for a surface seen at this angle to its normal instead of N = V = R, by Monte Carlo [with --kernel g1]
+    #[arg(long, value_name = "DEGREES")]
+    view_angle: Option<f64>,
+    /// Filter for a surface brushed along the plane of view, by Monte Carlo: αx = α/√(1 − 0.9 a), αy = α √(1 − 0.9 a) [with --kernel g1]
+    #[arg(long, value_name = "A")]
+    anisotropy: Option<f64>,
+    /// Bands of spherical harmonics in sh.json, up to 10: more than 3 stand beside the nine coefficients
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    sh_bands: usize,
     /// How diffuse light is written [default: cube]
     #[arg(long, value_enum)]
     irradiance: Option<IrradianceName>,
@@ -125,6 +137,16 @@ enum ShName {
     Threejs,
     /// PlayCanvas' ambientSH
     Playcanvas,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KernelName {
+    /// GGX times N·L: what most real-time engines' filters converge to
+    Nol,
+    /// GGX times Smith's masking: the BRDF at N = V, as MaterialX filters
+    G1,
+    /// Charlie times N·L: sheen
+    Charlie,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -240,6 +262,17 @@ impl Env {
             Some(ShName::Threejs) => ShConvention::Threejs,
             Some(ShName::Playcanvas) => ShConvention::Playcanvas,
         };
+        recipe.kernel = match self.kernel {
+            None => recipe.kernel,
+            Some(KernelName::Nol) => KernelKind::Nol,
+            Some(KernelName::G1) => KernelKind::G1,
+            Some(KernelName::Charlie) => KernelKind::Charlie,
+        };
+        if self.view_angle.is_some() || self.anisotropy.is_some() {
+            let [angle, anisotropy] = [self.view_angle, self.anisotropy].map(|v| v.unwrap_or(0.0));
+            recipe.view = Some(View { angle, anisotropy });
+        }
+        recipe.sh_bands = self.sh_bands;
         recipe.input_layout = match self.input_layout {
             InputLayoutName::Auto => InputLayout::Auto,
             InputLayoutName::Panorama => InputLayout::Panorama,
@@ -347,6 +380,11 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
             percent(&fits.projected),
             percent(&fits.nonnegative)
         ));
+        if let Some(fit) = &fits.bands {
+            let lowest = if fit.min < 0.0 { ", below zero somewhere" } else { "" };
+            let count = recipe.sh_bands * recipe.sh_bands;
+            console.note(&format!("in {count} coefficients: off by {} RMS{lowest}", percent(fit)));
+        }
     }
     console.note(&format!(
         "{}{with}: {}; {} checks passed",

@@ -17,7 +17,7 @@ pub(super) static BABYLON: Engine = Engine {
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Babylon,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Sh,
         irradiance_size: 32,

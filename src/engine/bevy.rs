@@ -17,7 +17,7 @@ pub(super) static BEVY: Engine = Engine {
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Linear,
         as_shipped: None,
-        kernel: "g1",
+        kernel: KernelKind::G1,
         orientation: "x,y,-z",
         irradiance: IrradianceKind::Cube,
         irradiance_size: 32,

@@ -43,6 +43,7 @@ impl Engine {
         };
         let list = |values: &[f64]| values.iter().map(|r| format!("{r:.3}")).collect::<Vec<_>>().join(",");
         differs("roughness", list(&own.level_roughness(recipe.size, as_shipped)), list(&recipe.level_roughness()));
+        differs("kernel", preset.kernel.name().to_owned(), recipe.kernel.name().to_owned());
         differs("orientation", preset.orientation.to_string(), recipe.orientation.to_string());
         differs("format", preset.format.to_string(), recipe.format.to_string());
         differs("irradiance", preset.irradiance.name().to_owned(), recipe.irradiance.name().to_owned());

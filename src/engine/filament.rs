@@ -18,7 +18,7 @@ pub(super) static FILAMENT: Engine = Engine {
         levels: Levels::DownTo(16),
         roughness: RoughnessMap::Quadratic,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "x,y,z",
         irradiance: IrradianceKind::Sh,
         irradiance_size: 32,

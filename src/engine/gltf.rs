@@ -28,7 +28,7 @@ pub(super) static GLTF: Engine = Engine {
         levels: Levels::DownTo(2),
         roughness: RoughnessMap::Linear,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "x,y,z",
         irradiance: IrradianceKind::Cube,
         irradiance_size: 256,

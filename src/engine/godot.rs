@@ -19,7 +19,7 @@ pub(super) static GODOT: Engine = Engine {
         levels: Levels::Count(8),
         roughness: RoughnessMap::Linear,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "x,y,z",
         irradiance: IrradianceKind::LastLevel,
         irradiance_size: 32,

@@ -18,7 +18,7 @@ pub(super) static MATERIALX: Engine = Engine {
         levels: Levels::DownTo(2),
         roughness: RoughnessMap::MaterialX,
         as_shipped: None,
-        kernel: "g1",
+        kernel: KernelKind::G1,
         orientation: "x,y,z",
         irradiance: IrradianceKind::Cube,
         irradiance_size: 32,

@@ -26,7 +26,7 @@ mod wicked;
 
 pub use roughness::RoughnessMap;
 
-use crate::environment::{BUILTIN_PREFIX, Orientation, ShConvention};
+use crate::environment::{BUILTIN_PREFIX, KernelKind, Orientation, ShConvention};
 use crate::error::{Error, Result};
 use crate::integrate::Settings;
 use crate::model::charlie::Visibility;
@@ -130,8 +130,8 @@ pub struct EngineEnvironment {
     pub roughness: RoughnessMap,
     /// What the engine's own baker fills the levels by, where that is something else than its shader reads.
     pub as_shipped: Option<RoughnessMap>,
-    /// The lobe that the engine's own filter converges to: `nol`, `g1`.
-    pub kernel: &'static str,
+    /// The lobe that the engine's own filter converges to.
+    pub kernel: KernelKind,
     /// Which way the cube is turned.
     pub orientation: &'static str,
     /// How diffuse light is read.
@@ -237,6 +237,7 @@ impl Engine {
             size: preset.size,
             roughness: Some(preset.level_roughness(preset.size, as_shipped)),
             irradiance_size: preset.irradiance_size,
+            kernel: preset.kernel,
             format: preset.format.parse()?,
             irradiance: preset.irradiance,
             irradiance_format: own.then(|| preset.irradiance_format.parse()).transpose()?,

@@ -17,7 +17,7 @@ pub(super) static O3DE: Engine = Engine {
         levels: Levels::Count(6),
         roughness: RoughnessMap::Steps(5.0),
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         // Its world is right-handed with Z up: (x, -z, y) of ours. The shader looks up (-x, z, -y) of that.
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Cube,

@@ -11,7 +11,7 @@ pub(super) static PLAYCANVAS: Engine = Engine {
         levels: Levels::Count(6),
         roughness: RoughnessMap::Steps(5.0),
         as_shipped: Some(RoughnessMap::Elevenths),
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Sh,
         irradiance_size: 32,

@@ -17,7 +17,7 @@ pub(super) static THREEJS: Engine = Engine {
         levels: Levels::DownTo(8),
         roughness: RoughnessMap::Quadratic,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::LastLevel,
         irradiance_size: 32,

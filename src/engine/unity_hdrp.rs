@@ -28,7 +28,7 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         levels: Levels::Count(7),
         roughness: RoughnessMap::Unity,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::None,
         irradiance_size: 32,

@@ -18,7 +18,7 @@ pub(super) static UNREAL: Engine = Engine {
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Unreal,
         as_shipped: None,
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         // Its world is left-handed with Z up: (x, z, y) of ours.
         orientation: "x,z,y",
         irradiance: IrradianceKind::None,

@@ -18,7 +18,7 @@ pub(super) static WICKED: Engine = Engine {
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Count,
         as_shipped: Some(RoughnessMap::Linear),
-        kernel: "nol",
+        kernel: KernelKind::Nol,
         orientation: "x,y,-z",
         irradiance: IrradianceKind::LastLevel,
         irradiance_size: 32,

@@ -5,9 +5,10 @@
 //!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]); [`Adjustment`] turns, exposes and
 //! calibrates it ([`photometry`]). From it come the area average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels
-//! ([`chain`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], [`full_sum`]), the Lambert
+//! ([`chain`], with one of several kernels: [`kernel`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], which also sees lobes that are no kernels ([`view_lobe`]), and [`full_sum`]), the Lambert
 //! irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
-//! ([`spherical_harmonics`]), which [`sh_convention`] and [`orientation`] bring to the form that an engine reads.
+//! ([`spherical_harmonics`]), or those of more bands ([`sh_bands`]); [`sh_convention`] and [`orientation`] bring them to the form that an
+//! engine reads.
 
 mod adjust;
 pub mod area_average;
@@ -31,6 +32,7 @@ pub mod photometry;
 mod raw;
 pub mod repair;
 mod sampler;
+pub mod sh_bands;
 pub mod sh_convention;
 pub mod sky;
 mod source;
@@ -39,6 +41,7 @@ mod sun;
 mod sun_disc;
 #[cfg(test)]
 mod test_maps;
+pub mod view_lobe;
 pub mod zonal;
 
 pub use adjust::{Adjusted, Adjustment};
@@ -60,4 +63,5 @@ pub use sh_convention::ShConvention;
 pub use source::{BUILTIN_PREFIX, Reading, load};
 pub use spherical_harmonics::SphericalHarmonics;
 pub use sun::{Sun, extract as extract_sun};
+pub use view_lobe::{View, ViewLobe, ViewMonteCarlo};
 pub use zonal::{InstructionSet, Zonal};

@@ -162,12 +162,17 @@ fn project_radiance(panorama: &Panorama) -> Coefficients {
 
 /// Compares coefficients of E/π with an exact irradiance cube, at its texel centres.
 pub fn judge(coefficients: &Coefficients, exact: &Cube) -> IrradianceFit {
+    judge_function(&|direction| evaluate(coefficients, direction), exact)
+}
+
+/// Compares any function of the direction with an exact irradiance cube, at its texel centres.
+pub fn judge_function(function: &dyn Fn(DVec3) -> [f64; 3], exact: &Cube) -> IrradianceFit {
     let weights = super::cube::solid_angles(exact.size);
     let (mut min, mut max) = (f64::INFINITY, 0.0f64);
     let (mut errors, mut squares) = (0.0, 0.0);
     let floor = 1e-3 * exact.texels.iter().flatten().fold(0.0, |m, v| f64::max(m, f64::from(v.abs())));
     for (index, texel) in exact.texels.iter().enumerate() {
-        let fit = evaluate(coefficients, texel_direction(exact.size, index));
+        let fit = function(texel_direction(exact.size, index));
         let weight = weights[index % weights.len()];
         for c in 0..3 {
             let wanted = f64::from(texel[c]);

@@ -4,7 +4,7 @@ use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::{Panorama, spherical_harmonics};
+use crate::environment::{KernelKind, Panorama, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
 use crate::recipe::{EnvironmentRecipe, cube_texel};
@@ -41,7 +41,16 @@ pub(super) fn verify(
             }
             let names: Vec<String> =
                 levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
-            let kind = if is_irradiance { "irradiance E/π" } else { "specular chain" };
+            let kind = match recipe.kernel {
+                _ if is_irradiance => "irradiance E/π".to_owned(),
+                KernelKind::Nol => "specular chain".to_owned(),
+                other => match recipe.view {
+                    Some(view) => {
+                        format!("specular chain seen at {}°, anisotropy {},", view.angle, view.anisotropy)
+                    }
+                    None => format!("specular chain ({})", other.name()),
+                },
+            };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
         Content::Json(value) if value["schema"] == SUN_SCHEMA => {
@@ -157,7 +166,10 @@ fn levels(
             // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
             let max_error = level.max_error.min(MOST_ERROR);
             let rms_error = level.rms_error.min(max_error);
-            Ok(CubeLevel { name: level.name.clone(), size, roughness: level.roughness, texels, max_error, rms_error })
+            let kernel = if level.name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel };
+            let view = recipe.view.filter(|_| level.name != IRRADIANCE);
+            let (name, roughness) = (level.name.clone(), level.roughness);
+            Ok(CubeLevel { name, size, roughness, kernel, view, texels, max_error, rms_error })
         })
         .collect()
 }
@@ -168,21 +180,35 @@ const MOST_ERROR: f64 = 0.5;
 /// The coefficients, integrated again.
 fn harmonics(sh: &ShFile, recipe: &EnvironmentRecipe, panorama: &Panorama) -> Check {
     let wanted = spherical_harmonics::project(panorama);
-    let pairs = |a: &spherical_harmonics::Coefficients, b: &spherical_harmonics::Coefficients| {
-        let largest = b.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let off = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
-        // NaN must not hide behind max.
-        off.map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max) / largest.max(f64::MIN_POSITIVE)
-    };
-    let figure = pairs(&sh.harmonics.radiance, &wanted.radiance)
-        .max(pairs(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi))
-        .max(pairs(&sh.harmonics.irradiance_over_pi_nonnegative, &wanted.irradiance_over_pi_nonnegative));
-    let figure = match (&sh.engine, EngineSh::new(recipe, &wanted)) {
+    let figure = off(&sh.harmonics.radiance, &wanted.radiance)
+        .max(off(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi))
+        .max(off(&sh.harmonics.irradiance_over_pi_nonnegative, &wanted.irradiance_over_pi_nonnegative));
+    let (mut figure, mut count) = (figure, 81);
+    if let Some(found) = &sh.bands {
+        let again = sh_bands::Bands::new(panorama, found.bands.clamp(1, sh_bands::MOST_BANDS), |_| found.fit);
+        let same = again.order == found.order && found.radiance.len() == again.radiance.len();
+        for (a, b) in [(&found.radiance, &again.radiance), (&found.irradiance_over_pi, &again.irradiance_over_pi)] {
+            let off = if same && a.len() == b.len() { off(a, b) } else { f64::INFINITY };
+            figure = figure.max(off);
+        }
+        count += 6 * again.radiance.len();
+    }
+    figure = match (&sh.engine, EngineSh::new(recipe, &wanted)) {
         (Some(found), Some(again)) if found.convention == again.convention => {
-            figure.max(pairs(&found.coefficients, &again.coefficients))
+            count += 27;
+            figure.max(off(&found.coefficients, &again.coefficients))
         }
         (None, None) => figure,
         _ => f64::INFINITY,
     };
-    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, "worst of all")
+    let detail = format!("worst of {count}");
+    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, detail)
+}
+
+/// The largest difference between coefficients, in parts of the largest of the second.
+fn off(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    let largest = b.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let off = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
+    // NaN must not hide behind max.
+    off.map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max) / largest.max(f64::MIN_POSITIVE)
 }

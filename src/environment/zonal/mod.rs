@@ -5,7 +5,7 @@
 //! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
 //! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
 //! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
-//! constant stays what it is. Kernels too narrow for harmonics are summed over the texels ([`FullSum`]).
+//! constant stays what it is. Of kernels too narrow for harmonics, the part near the axis is summed over the texels there (`split`).
 
 mod analysis;
 mod bright;
@@ -14,6 +14,7 @@ mod fft;
 mod lanes;
 mod legendre;
 mod plan;
+mod split;
 mod synthesis;
 
 use std::f64::consts::PI;
@@ -33,6 +34,7 @@ use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
 use lanes::V;
 use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
+use split::Places;
 use synthesis::Rings;
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
@@ -70,6 +72,8 @@ struct Part {
     /// The largest part of a channel's light that was not peeled off.
     share: f64,
     coefficients: Coefficients,
+    /// What was not peeled off, if a kernel sums texels near its axis.
+    near: Option<(Panorama, Places)>,
 }
 
 /// The panorama filtered by one kernel: a function of the direction.
@@ -77,8 +81,8 @@ struct Part {
 pub struct Function<'a> {
     zonal: &'a Zonal<'a>,
     kernel: Kernel,
-    /// Nothing if the kernel is too narrow for harmonics.
-    rings: Option<(&'a Part, Arc<Rings>)>,
+    /// Nothing if texels are summed instead.
+    rings: Option<(&'a Part, &'a Plan, Arc<Rings>)>,
     /// Degrees of the harmonics; 0 if texels are summed instead.
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
@@ -92,8 +96,9 @@ impl<'a> Zonal<'a> {
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         for kernel in kernels {
             let darkest = darkest(panorama, &cells, kernel);
-            let side = usize::from(!is_wide(kernel));
-            plans[side].extend(Plan::new(*kernel, darkest, WIDE_DEGREE, instructions));
+            let plan = Plan::new(*kernel, darkest, WIDE_DEGREE, panorama.height(), instructions);
+            let side = usize::from(!is_wide(kernel) || plan.as_ref().is_some_and(|plan| plan.split.is_some()));
+            plans[side].extend(plan);
         }
         let parts = parts(panorama, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
@@ -114,7 +119,7 @@ impl<'a> Zonal<'a> {
         *last = Some((*kernel, rings.clone()));
         drop(last);
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
-        Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation }
+        Function { zonal: self, kernel: *kernel, rings: Some((part, plan, rings)), degree: plan.degree(), truncation }
     }
 }
 
@@ -122,13 +127,20 @@ impl Function<'_> {
     /// The value in a unit direction.
     #[inline(always)]
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
-        let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
+        let Some((part, plan, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
         let smooth = rings.at(direction);
         let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;
-        std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
+        let mut mean = part.mean;
+        if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
+            && let Some(near) = split.mean(direction, rest, places)
+        {
+            let far = plan.eigenvalues[0];
+            mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+        }
+        std::array::from_fn(|c| (mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
     }
 
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
@@ -200,11 +212,11 @@ impl Part {
         let part = Self::new(panorama, plans, peeled, instructions);
         let mean = panorama.mean();
         let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
-        if part.plans.iter().all(|plan| !is_wide(&plan.kernel) || left(plan) <= HARD) {
+        if part.plans.iter().all(|plan| plan.split.is_some() || !is_wide(&plan.kernel) || left(plan) <= HARD) {
             return part;
         }
-        let more = |plan: Plan| match is_wide(&plan.kernel) {
-            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, instructions),
+        let more = |plan: Plan| match plan.split.is_none() && is_wide(&plan.kernel) {
+            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, panorama.height(), instructions),
             false => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();
@@ -214,7 +226,8 @@ impl Part {
 
     fn new(panorama: &Panorama, plans: Vec<Plan>, (peel, rest): Peeled, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
-        let narrowest = plans.iter().map(|plan| plan.kernel.width()).fold(2.0, f64::min);
+        let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
+        let narrowest = plans.iter().map(width).fold(2.0, f64::min);
         let (mean, whole) = (rest.mean(), panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
         let square = |row: usize| {
@@ -227,11 +240,14 @@ impl Part {
         // Rows on any thread, their sum in one order.
         let rows: Vec<[f64; 3]> = (0..rest.height()).into_par_iter().map(square).collect();
         let norm2 = std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum());
+        // (The rest of a split kernel is as smooth as its degree says.)
         let rule = row_rule(narrowest, degree, panorama.height());
         let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
-        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients }
+        let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
+        let near = places.map(|places| (rest, places));
+        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients, near }
     }
 }
 
@@ -241,7 +257,7 @@ type Peeled = (Peel, Panorama);
 /// The texels that show across the horizon of one of these kernels, and the panorama without them.
 fn peel(panorama: &Panorama, plans: &[Plan]) -> Peeled {
     let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
-    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel));
+    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel) && plan.split.is_none());
     Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
 }
 

@@ -13,6 +13,7 @@ use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
 use super::lanes::InstructionSet;
+use super::split::Split;
 use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::Kernel;
 use crate::environment::panorama::Panorama;
@@ -36,6 +37,8 @@ const REACH: f64 = 16.0;
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub kernel: Kernel,
+    /// What is summed near the axis, of a kernel too narrow for harmonics; they hold the rest.
+    pub split: Option<Split>,
     /// λ_0 … λ_L.
     pub eigenvalues: Vec<f64>,
     /// Rings and columns of the grid.
@@ -50,8 +53,19 @@ pub(super) struct Plan {
 
 impl Plan {
     /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
-    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`.
-    pub fn new(kernel: Kernel, darkest: f64, least_wide: usize, instructions: InstructionSet) -> Option<Self> {
+    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`. A cap narrower than what so many degrees resolve as
+    /// a map of `height` rows is worth is split.
+    pub fn new(
+        kernel: Kernel,
+        darkest: f64,
+        least_wide: usize,
+        height: usize,
+        instructions: InstructionSet,
+    ) -> Option<Self> {
+        let worth = (3 * height / 2).clamp(256, 1024);
+        if !kernel.is_ring() && kernel.alpha() < 4.0 / worth as f64 {
+            return Some(Self::split(kernel, darkest, worth, instructions));
+        }
         let (width, wide) = (kernel.width(), is_wide(&kernel));
         let ring = kernel.is_ring();
         let most = if ring { RING * 2.0 / width } else { REACH * 2.0 / width };
@@ -63,14 +77,14 @@ impl Plan {
         let mut lambda = eigenvalues(&value, kernel.singularities(), most, instructions);
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
-        let peak = Remainder::new(&value, width, 1.2).relative(&lambda, step, floor);
+        let peak = Remainder::new([&value; 2], width, 1.2).relative(&lambda, step, floor);
         let enough = peak.iter().position(|&off| off <= AIM && !ring).map_or(most, |i| (i + 1) * step);
         let degree = if wide { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
         }
         lambda.truncate(degree + 1);
-        let whole = Remainder::new(&value, width, PI).relative(&lambda, degree, floor);
+        let whole = Remainder::new([&value; 2], width, PI).relative(&lambda, degree, floor);
         // ∫ K² = Σ (2l+1)/4π λ_l².
         let square = |w: f64| kernel.eval(w) * kernel.eval(w);
         let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
@@ -79,12 +93,46 @@ impl Plan {
         let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
         Some(Self {
             kernel,
+            split: None,
             grid: grid(width, degree),
             any_map: whole[0],
             eigenvalues: lambda,
             remainder_norm,
             darkest,
         })
+    }
+
+    /// The plan of a kernel whose part near the axis is summed, so that the rest takes about `degree` degrees.
+    fn split(kernel: Kernel, darkest: f64, degree: usize, instructions: InstructionSet) -> Self {
+        let split = Split::new(kernel, degree);
+        let (rest, whole) = (|w: f64| split.rest(w), |w: f64| kernel.eval(w));
+        let most = 3 * degree / 2;
+        let mut lambda = eigenvalues(&rest, kernel.singularities(), most, instructions);
+        let floor = darkest / (4.0 * PI);
+        let step = (most / 64).max(1);
+        let width = 1.0 / degree as f64;
+        let peak = Remainder::new([&rest, &whole], width, 1.2).relative(&lambda, step, floor);
+        let degree = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step).min(most);
+        lambda.truncate(degree + 1);
+        let everywhere = Remainder::new([&rest, &whole], width, PI).relative(&lambda, degree, floor);
+        let square = |w: f64| rest(w) * rest(w);
+        let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
+        let terms = lambda.iter().enumerate().map(|(l, v)| (l as f64, (2.0 * l as f64 + 1.0) / (4.0 * PI) * v));
+        let held: f64 = terms.clone().zip(&lambda).map(|((_, term), v)| term * v).sum();
+        let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
+        // Interpolation of degree five on spacing Δ in two directions is off by 0.003 Δ⁶ Σ |term| l⁶ at the peak at most.
+        let (peak, sixth) =
+            terms.fold((0.0, 0.0), |(peak, sixth), (l, term)| (peak + term.abs(), sixth + term.abs() * l.powi(6)));
+        let spacing = (AIM * peak / (0.003 * sixth)).powf(1.0 / 6.0);
+        Self {
+            kernel,
+            split: Some(split),
+            grid: grid(spacing / PER_WIDTH, degree),
+            any_map: everywhere[0],
+            eigenvalues: lambda,
+            remainder_norm,
+            darkest,
+        }
     }
 
     pub fn degree(&self) -> usize {
@@ -120,10 +168,13 @@ fn power(coefficients: &Coefficients, channel: usize, degree: usize) -> f64 {
     coefficients.orders.iter().enumerate().map(order).sum()
 }
 
+/// Spacing of the grid in widths of the kernel.
+const PER_WIDTH: f64 = 0.095;
+
 /// Rings and columns: interpolation of degree five on spacing Δ is off by 14 (Δ/width)⁶ at the peak of 1/(width² + θ²)²;
 /// 0.095 leaves 1e-5. And never coarser than what holds the degrees.
 fn grid(width: f64, degree: usize) -> [usize; 2] {
-    let spacing = 0.095 * width;
+    let spacing = PER_WIDTH * width;
     let rings = ((PI / spacing) as usize).max(5 * degree / 4).max(16);
     let columns = ((TAU / spacing) as usize).max(9 * degree / 4).max(32);
     [rings, Fft::fast_length(columns)]
