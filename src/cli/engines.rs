@@ -221,6 +221,9 @@ fn table_flags(table: &EngineTable) -> Result<String> {
     if recipe.model.visibility != Default::default() {
         flags += &format!(" --visibility {}", recipe.model.visibility.name());
     }
+    if let Some(tolerance) = table.tolerance {
+        flags += &format!(" --tolerance {tolerance:e}");
+    }
     Ok(flags)
 }
 

@@ -94,6 +94,8 @@ pub struct EngineTable {
     pub smith: Smith,
     /// Visibility of the sheen.
     pub visibility: Visibility,
+    /// Largest acceptable error, where the usual one is out of reach.
+    pub tolerance: Option<f64>,
     /// What the engine's own table has instead, where that is known to be something else.
     pub as_shipped: Option<Shipped>,
 }
@@ -116,6 +118,7 @@ const PLAIN: EngineTable = EngineTable {
     axes: &[],
     smith: Smith::Correlated,
     visibility: Visibility::Neubelt,
+    tolerance: None,
     as_shipped: None,
 };
 
@@ -200,7 +203,7 @@ impl EngineTable {
             at: Point::default(),
             layout: None,
             model: Model { smith, visibility: self.visibility, ..Model::default() },
-            integration: Settings::default(),
+            integration: Settings { tolerance: self.tolerance, ..Settings::default() },
         })
     }
 }
