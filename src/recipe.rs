@@ -12,6 +12,7 @@ use crate::environment::{
 use crate::error::{Error, Result};
 use crate::format::{Container, FormatSpec, Packing};
 use crate::integrate::Settings;
+use crate::language::Language;
 use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
 use serde::{Deserialize, Serialize};
@@ -29,6 +30,9 @@ pub const BUILT_IN: &str = include_str!("built_in_recipe.toml");
 pub struct Recipe {
     /// [`RECIPE_VERSION`].
     pub recipe: u32,
+    /// Languages in which `lookup.glsl` and so on, the code that looks up all of it, is written.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shader: Vec<Language>,
     /// Tables, in the order in which they are baked.
     #[serde(default, rename = "table")]
     pub tables: Vec<TableRecipe>,
@@ -370,6 +374,13 @@ impl EnvironmentRecipe {
             (None, Packing::Texel(texel)) if self.format.container() == Container::Env => FormatSpec::ktx2(texel),
             (None, _) => self.format,
         }
+    }
+
+    /// How the texels of the specular cube are stored.
+    ///
+    /// **Errors**: those of [`cube_texel`].
+    pub fn cube_format(&self) -> Result<TexelFormat> {
+        cube_texel(self.format)
     }
 
     /// Name of the specular cube's file.

@@ -3,10 +3,10 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
-use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
+use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
 use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, FullSum, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, FormatSpec, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
@@ -185,7 +185,8 @@ pub fn is_current(recipe: &EnvironmentRecipe, certificate: &Certificate) -> bool
 pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progress) -> Result<Baked> {
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
-    let (specular, irradiance) = filter(recipe, panorama, progress)?;
+    let truth = FullSum::new(panorama);
+    let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
@@ -200,10 +201,12 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         cubes.push(cube);
     }
     let mut checks = vec![];
+    // The same function would make the same average again.
+    let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(cube, _)| cube);
     for cube in &cubes {
         let judged = cube.values(recipe)?;
         checks.extend(judged.facts(panorama.min().into_iter().any(|v| v < 0.0)));
-        checks.extend(judged.against(panorama, recipe.integration.seed, false));
+        checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, false));
     }
     checks.extend(level_zero_flux(&specular[0].1));
     let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
@@ -311,12 +314,18 @@ impl Packed {
 type Filtered = (Cube, LevelReport);
 
 /// The specular chain and the irradiance cube, with as many samples as the settings ask for.
-fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -> Result<(Vec<Filtered>, Filtered)> {
+fn filter(
+    recipe: &EnvironmentRecipe,
+    panorama: &Panorama,
+    truth: &FullSum,
+    progress: Progress,
+) -> Result<(Vec<Filtered>, Filtered)> {
     let settings = recipe.integration;
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) = chain_and_irradiance(panorama, &spec, recipe.irradiance_size, progress)?;
+        let (chain, irradiance) =
+            chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {

@@ -8,6 +8,7 @@ use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// One cube and what is claimed of it.
 #[derive(Debug, Clone)]
@@ -43,7 +44,8 @@ pub struct EnvironmentValues<'a> {
 
 /// A value that is wrong by how much, and by how much it may be.
 struct Deviation {
-    place: String,
+    /// The texel, and its channel.
+    place: (usize, usize),
     figure: f64,
     limit: f64,
 }
@@ -54,15 +56,15 @@ impl Deviation {
     }
 }
 
-fn worst(name: &str, subject: &str, deviations: Vec<Deviation>) -> Option<Check> {
+fn worst(name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
     let count = deviations.len();
     let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
-    let detail = format!("worst of {count} at {}", worst.place);
-    Some(Check::at_most(name, subject, worst.figure, worst.limit, detail))
+    let detail = format!("worst of {count} at {}", place(level.size, worst.place));
+    Some(Check::at_most(name, &level.name, worst.figure, worst.limit, detail))
 }
 
 /// Where a texel is, for a report.
-fn place(size: usize, texel: usize, channel: usize) -> String {
+fn place(size: usize, (texel, channel): (usize, usize)) -> String {
     let (face, rest) = (texel / (size * size), texel % (size * size));
     let (face, channel) = (["+X", "-X", "+Y", "-Y", "+Z", "-Z"][face], ["R", "G", "B"][channel]);
     format!("face {face}, texel {}, {}, {channel}", rest % size, rest / size)
@@ -94,22 +96,35 @@ impl EnvironmentValues<'_> {
     /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
     /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
     pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
-        let sum = FullSum::new(panorama);
+        self.against_truth(&FullSum::new(panorama), None, panorama, seed, full)
+    }
+
+    /// The same, with a full sum and an area average of the panorama that others use too.
+    pub(crate) fn against_truth(
+        &self,
+        sum: &FullSum,
+        average: Option<&Cube>,
+        panorama: &Panorama,
+        seed: u64,
+        full: bool,
+    ) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
         let mut checks = vec![];
         for (index, level) in self.levels.iter().enumerate() {
             if is_constant {
                 let deviations = self.compare(level, panorama, all(level), |_| constant, true);
-                checks.extend(worst("distance from the constant input", &level.name, deviations));
+                checks.extend(worst("distance from the constant input", level, deviations));
                 continue;
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
-                let average = self.orientation.apply(&area_average(panorama, level.size));
+                let known = average.filter(|average| average.size == level.size);
+                let average = known.map_or_else(|| Cow::Owned(area_average(panorama, level.size)), Cow::Borrowed);
+                let average = self.orientation.apply(&average);
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
-                checks.extend(worst("exact area average at every texel", &level.name, deviations));
+                checks.extend(worst("exact area average at every texel", level, deviations));
                 continue;
             }
             if let Some(view) = level.view {
@@ -117,11 +132,13 @@ impl EnvironmentValues<'_> {
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
-                checks.push(mean_check(level, panorama));
+                checks.push(mean_check(level, panorama, self.mean_packing(level)));
             }
+            sum.prepare();
             let kernel = Kernel::of(level.kernel, alpha);
             let turn = |d: DVec3| self.orientation.lookup(d);
-            let texels = if full { all(level) } else { chosen(level, panorama, turn, seed.wrapping_add(index as u64)) };
+            let texels =
+                if full { all(level) } else { chosen(level, sum.sun(), turn, seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
@@ -129,9 +146,26 @@ impl EnvironmentValues<'_> {
             };
             let truth =
                 |texel: usize| sum.evaluate(self.orientation.world(texel_direction(level.size, texel)), &kernel);
-            checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
+            checks.extend(worst(&name, level, self.compare(level, panorama, texels, truth, false)));
         }
         checks
+    }
+
+    /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
+    fn mean_packing(&self, level: &CubeLevel) -> f64 {
+        let Some(format) = self.precision.format().filter(|format| !format.is_signed()) else { return 0.0 };
+        let blocks = self.brightest_of_blocks(level);
+        let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
+        for (i, texel) in level.texels.iter().enumerate() {
+            let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
+            let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, i)]);
+            for c in 0..3 {
+                let value = f64::from(texel[c]).min(format.largest(c));
+                room[c] += self.precision.tolerance_in(c, value, brightest);
+                sum[c] += value;
+            }
+        }
+        (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
     }
 
     /// The brightest value of each block, where texels are stored in such.
@@ -145,7 +179,9 @@ impl EnvironmentValues<'_> {
     /// lobe to [`VIEW_SUM`].
     fn against_view(&self, level: &CubeLevel, view: View, panorama: &Panorama, seed: u64) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let all = chosen(level, panorama, |d| self.orientation.lookup(d), seed);
+        let (column, row, _) = panorama.peak();
+        let sun = panorama.texel_box(column, row).middle();
+        let all = chosen(level, sun, |d| self.orientation.lookup(d), seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
         let sums: Vec<[f64; 3]> = texels
@@ -154,7 +190,7 @@ impl EnvironmentValues<'_> {
             .collect();
         let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
         let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
-        worst(&name, &level.name, self.compare(&known, panorama, texels.clone(), truth, false))
+        worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
@@ -180,7 +216,7 @@ impl EnvironmentValues<'_> {
                     let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
-                    Deviation { place: place(level.size, texel, c), figure, limit }
+                    Deviation { place: (texel, c), figure, limit }
                 })
             })
             .collect()
@@ -205,7 +241,7 @@ const RESOLVED: f64 = 4.0;
 const TEXEL_SUM: f64 = 4e-3;
 
 /// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
+fn mean_check(level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
     let cube = Cube { size: level.size, texels: level.texels.clone() };
     let (found, wanted) = (cube.mean(), panorama.mean());
     let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
@@ -215,7 +251,7 @@ fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
         "mean over the sphere against the input's, relative",
         &level.name,
         figure,
-        TEXEL_SUM + SIGMAS * level.rms_error,
+        TEXEL_SUM + SIGMAS * level.rms_error + packing,
         detail,
     )
 }
@@ -226,11 +262,9 @@ fn all(level: &CubeLevel) -> Vec<usize> {
 
 /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
 /// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, panorama: &Panorama, turn: impl Fn(DVec3) -> DVec3, seed: u64) -> Vec<usize> {
+fn chosen(level: &CubeLevel, sun: DVec3, turn: impl Fn(DVec3) -> DVec3, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
-    let (column, row, _) = panorama.peak();
-    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let ring = (0..8).map(|i| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();

@@ -1,7 +1,7 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::{EngineArgs, IntegrationArgs};
+use super::arguments::{EngineArgs, IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
@@ -14,6 +14,7 @@ use kiln::environment::{
     InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention, View,
 };
 use kiln::format::FormatSpec;
+use kiln::language::Language;
 use kiln::recipe::{EnvironmentRecipe, IrradianceKind};
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -21,11 +22,11 @@ use std::path::{Path, PathBuf};
 /// Prefilter one environment: specular chain, irradiance and spherical harmonics
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json. Orientation: +Y up; a direction d \
+    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json; the extension is that of --format. Orientation: +Y up; a direction d \
                         samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
 )]
 pub struct Env {
-    /// Panorama (.hdr, .exr), cube (.ktx2; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
+    /// Panorama (.hdr, .exr), cube (.ktx2, .ktx, .dds, .env; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
     /// builtin:NAME, see `kiln list environments`. Of several, each gets a folder of its name, those that are baked already are
     /// skipped, and one that fails does not stop the others
     #[arg(required = true, value_name = "INPUT")]
@@ -68,7 +69,8 @@ pub struct Env {
     /// Texels along an edge of the irradiance cube [default: 32]
     #[arg(long, value_name = "N")]
     irradiance_size: Option<usize>,
-    /// Container and texel format of the cubes [default: ktx2:rgba16f]
+    /// Container and texel format of the cubes, such as ktx2:rgb9e5+zstd, dds:bc6h, ktx1:b10g11r11, env: see `kiln list formats`
+    /// [default: ktx2:rgba16f]
     #[arg(long)]
     format: Option<FormatSpec>,
     /// The same of the irradiance cube [default: that of --format]
@@ -97,6 +99,8 @@ pub struct Env {
     integration: IntegrationArgs,
     #[command(flatten)]
     adjust: AdjustArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -178,7 +182,8 @@ enum NegativesName {
 impl Env {
     pub fn run(&self, console: &Console) -> Result<()> {
         if let [input] = &self.inputs[..] {
-            let certificate = bake_environment(&self.recipe(input, console)?, &self.out, console)?;
+            let recipe = self.recipe(input, console)?;
+            let certificate = bake_environment(&recipe, &self.out, &self.shader.languages(), console)?;
             return if console.json { console.print_json(&certificate) } else { Ok(()) };
         }
         let names = names(&self.inputs)?;
@@ -193,7 +198,7 @@ impl Env {
                     console.note(&format!("{}: unchanged", target.display()));
                     certificates.push(certificate);
                 }
-                None => match bake_environment(&recipe, &self.out, console) {
+                None => match bake_environment(&recipe, &self.out, &self.shader.languages(), console) {
                     Ok(certificate) => certificates.push(certificate),
                     Err(error) => {
                         console.error(&error);
@@ -336,8 +341,13 @@ fn names(inputs: &[String]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Bakes an environment below `folder`, and says what became of it.
-pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes an environment below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_environment(
+    recipe: &EnvironmentRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     recipe.check()?;
     // Before minutes of work, not after: whether the folder can be written to.
     let target = folder.join(&recipe.directory);
@@ -358,7 +368,8 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     let bar = console.progress(kiln::bake::environment_texels(recipe), &recipe.input);
     let baked = kiln::bake::environment(recipe, &source, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     baked.write(folder)?;
     let levels: Vec<String> = baked
         .certificate
@@ -392,7 +403,7 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         levels.join(", "),
         baked.certificate.checks.len()
     ));
-    warn_of_packing(console, &target.display().to_string(), &baked.certificate.packing);
+    warn_of_packing(console, &target.display().to_string(), recipe.cube_format()?, &baked.certificate.packing);
     Ok(baked.certificate)
 }
 

@@ -1,11 +1,13 @@
 //! `kiln table`: one table.
 
-use super::arguments::{EngineArgs, IntegrationArgs, ModelArgs, ParameterArgs};
+use super::arguments::{EngineArgs, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
 use kiln::format::{Container, FormatSpec};
+use kiln::language::Language;
 use kiln::math::warp::Warp;
+use kiln::pack::{PackReport, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
@@ -37,13 +39,13 @@ pub struct Table {
     /// Texels along the axes, such as 64x64 or 16x16x16
     #[arg(long, value_name = "WxHxD")]
     size: Option<String>,
-    /// Container and number format, such as exr:f32, ktx2:rg16f [default: by the file's extension]
+    /// Container and number format, such as exr:f32, ktx2:rg16f: see `kiln list formats` [default: by the file's extension]
     #[arg(long)]
     format: Option<FormatSpec>,
     /// Axes, one to three, x first
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<Axis>,
-    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume in a KTX2, slices in an EXR]
+    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume where the format has it, slices in an EXR, else atlas]
     #[arg(long)]
     layout: Option<Layout>,
     /// Quantities, one per channel, instead of the table's own: see `kiln list quantities`
@@ -55,12 +57,14 @@ pub struct Table {
     parameters: ParameterArgs,
     #[command(flatten)]
     integration: IntegrationArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 impl Table {
     pub fn run(&self, console: &Console) -> Result<()> {
         let (recipe, folder) = self.recipe(console)?;
-        let certificate = bake_table(&recipe, &folder, console)?;
+        let certificate = bake_table(&recipe, &folder, &self.shader.languages(), console)?;
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
@@ -177,21 +181,27 @@ fn parse_size(text: &str) -> Result<Vec<usize>> {
         .collect()
 }
 
-/// Bakes a table below `folder`, and says what became of it.
-pub fn bake_table(recipe: &TableRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes a table below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_table(
+    recipe: &TableRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     let spec = recipe.spec()?;
     spec.check()?;
     let bar = console.progress(spec.len() as u64, &recipe.file);
     let baked = kiln::bake::table(recipe, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     let paths = baked.write(folder)?;
-    report(console, &baked.certificate, &paths);
+    report(console, &baked.certificate, recipe.texel_format()?, &paths);
     Ok(baked.certificate)
 }
 
 /// Says what was written and how wrong it may be.
-fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
+fn report(console: &Console, certificate: &Certificate, format: TexelFormat, paths: &[PathBuf]) {
     let Some(path) = paths.first() else { return };
     let errors: Vec<String> = certificate
         .channels
@@ -199,15 +209,22 @@ fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
         .map(|c| format!("{} ±{:.0e} ({}, {})", c.quantity, c.max_error, c.integrator, c.error_kind.name()))
         .collect();
     console.note(&format!("{}: {}; {} checks passed", path.display(), errors.join(", "), certificate.checks.len()));
-    warn_of_packing(console, &path.display().to_string(), &certificate.packing);
+    warn_of_packing(console, &path.display().to_string(), format, &certificate.packing);
 }
 
 /// Says what packing had to change.
-pub fn warn_of_packing(console: &Console, what: &str, packing: &kiln::pack::PackReport) {
+pub fn warn_of_packing(console: &Console, what: &str, format: TexelFormat, packing: &PackReport) {
     if packing.overflowed > 0 {
         console.warn(&format!(
-            "{what}: {} values beyond the largest half float, 65504, were clamped to it; use an f32 format to keep them",
-            packing.overflowed
+            "{what}: {} values beyond the largest that {format} holds, {}, were clamped to it; use an f32 format to keep them",
+            packing.overflowed,
+            format.largest(0)
+        ));
+    }
+    if packing.negative > 0 && !format.is_signed() {
+        console.warn(&format!(
+            "{what}: {} values below zero are 0 in {format}, which has no sign; use rgba16f to keep them",
+            packing.negative
         ));
     }
 }

@@ -280,7 +280,7 @@ pub fn find(name: &str) -> Result<&'static Engine> {
 ///
 /// **Errors**: two environments of the same name; engines that need nothing that could be baked.
 pub fn recipe(engines: &[&Engine], environments: &[String], as_shipped: bool) -> Result<Recipe> {
-    let mut recipe = Recipe { recipe: RECIPE_VERSION, tables: vec![], environments: vec![] };
+    let mut recipe = Recipe { recipe: RECIPE_VERSION, tables: vec![], environments: vec![], shader: vec![] };
     for engine in engines {
         for table in engine.tables {
             let own = table.recipe(as_shipped)?;

@@ -180,7 +180,7 @@ impl TableSpec {
                 for x in 0..width {
                     let at = self.point(row * width + x);
                     for (c, estimate) in evaluator.at(&at, integration)?.into_iter().enumerate() {
-                        let estimate = self.channels[c].reached(estimate, integration)?;
+                        let estimate = self.channels[c].reached_at(&at, estimate, integration)?;
                         values[x * channels + c] = estimate.value;
                         errors[x * channels + c] = estimate.error;
                     }

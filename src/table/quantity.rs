@@ -193,6 +193,11 @@ impl Parameter {
         self.facts().name
     }
 
+    /// Its name in shader code.
+    pub fn shader_name(self) -> &'static str {
+        if self == Self::Mu { "NoV" } else { self.name() }
+    }
+
     /// The parameter of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|p| p.name() == name)
@@ -351,6 +356,23 @@ pub struct Model {
     pub kd: Kd,
 }
 
+impl Model {
+    /// The choices that matter for a quantity, in words: `correlated Smith`, `neubelt visibility`, `albedo kd`.
+    pub fn choices_of(&self, quantity: &Quantity) -> Vec<String> {
+        let mut words = vec![];
+        if quantity.depends_on_smith() {
+            words.push(format!("{} Smith", self.smith.name()));
+        }
+        if quantity.depends_on_visibility() {
+            words.push(format!("{} visibility", self.visibility.name()));
+        }
+        if quantity.depends_on_kd() {
+            words.push(format!("{} kd", self.kd.name()));
+        }
+        words
+    }
+}
+
 /// A function of physical parameters.
 #[derive(Debug)]
 pub struct Quantity {
@@ -384,6 +406,27 @@ impl Quantity {
     /// The part of the name after the dot.
     pub fn short_name(&self) -> &'static str {
         self.name.rsplit('.').next().unwrap_or(self.name)
+    }
+
+    /// The part of the name before the dot.
+    fn family_name(&self) -> &'static str {
+        self.name.split('.').next().unwrap_or(self.name)
+    }
+
+    /// Whether masking and shadowing are by Smith: of the microfacet lobes of surfaces, and what is made of them.
+    pub fn depends_on_smith(&self) -> bool {
+        let families = ["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation"];
+        families.contains(&self.family_name())
+    }
+
+    /// Whether it has the visibility term of the sheen.
+    pub fn depends_on_visibility(&self) -> bool {
+        self.family_name() == "charlie"
+    }
+
+    /// Whether a diffuse base is below a specular layer.
+    pub fn depends_on_kd(&self) -> bool {
+        self.family_name() == "layered"
     }
 
     /// How it changes along `parameter`, or the one that it stands for, where it is monotone.
@@ -528,11 +571,11 @@ impl Handle {
     /// **Errors**: a missing parameter; a tolerance that the witness does not reach.
     pub fn evaluate(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Estimate> {
         let estimate = self.transform.estimate(evaluate_family(self.family, at, model, integration)?[self.index]);
-        self.reached(estimate, integration)
+        self.reached_at(at, estimate, integration)
     }
 
     /// The estimate, if it is as good as was asked for.
-    pub(crate) fn reached(&self, estimate: Estimate, integration: &Integration) -> Result<Estimate> {
+    pub(crate) fn reached_at(&self, at: &Point, estimate: Estimate, integration: &Integration) -> Result<Estimate> {
         let tolerance = integration.tolerance_of(self.is_monte_carlo(integration));
         // A count of samples is an order to stop there, however good the value is by then.
         if estimate.error <= tolerance || integration.settings.samples.is_some() {
@@ -540,7 +583,7 @@ impl Handle {
         }
         Err(Error::unsupported(
             format!(
-                "{} did not reach tolerance {tolerance:e}: the best value is {} with an error of {:e} ({})",
+                "{} at {at} did not reach tolerance {tolerance:e}: the best value is {} with an error of {:e} ({})",
                 self.label(),
                 estimate.value,
                 estimate.error,
@@ -613,15 +656,25 @@ pub fn find_among(text: &str, given: impl Fn(Parameter) -> bool) -> Result<Handl
     })
 }
 
+/// Letters that a mistyped name is off by at most, and names that are offered instead.
+const NEAR: usize = 3;
+const MOST_MATCHES: usize = 5;
+
 /// A way out for a mistyped name: the likeliest ones, and where the whole list is.
 pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
-    let last = name.rsplit('.').next().unwrap_or(name);
-    let near: Vec<&str> = known
+    // `prefix.*` is mistyped where the prefix is.
+    let wanted = name.trim_end_matches(['.', '*']);
+    let last = wanted.rsplit('.').next().unwrap_or(wanted);
+    let family = |k: &str| k.split('.').next().map_or(usize::MAX, |family| distance(family, wanted));
+    let mut near: Vec<(usize, &str)> = known
         .iter()
-        .copied()
-        .filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last)))
-        .take(5)
+        .map(|k| (distance(k, wanted).min(if name.ends_with('*') { family(k) } else { usize::MAX }), *k))
+        .filter(|(off, k)| *off <= NEAR || (!last.is_empty() && k.contains(last)))
         .collect();
+    // Two lobes may have a quantity of the same name.
+    near.sort_unstable();
+    near.dedup();
+    let near: Vec<&str> = near.into_iter().map(|(_, k)| k).take(MOST_MATCHES).collect();
     if near.is_empty() { format!("see `{list}`") } else { format!("did you mean {}? see `{list}`", near.join(", ")) }
 }
 
@@ -639,4 +692,51 @@ fn distance(a: &str, b: &str) -> usize {
         }
     }
     row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_choice_matters_where_it_changes_a_value() {
+        use crate::integrate::{Integration, Settings};
+        let integration =
+            Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).expect("settings");
+        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6];
+        for handle in all().filter(|h| h.family.has_quadrature()) {
+            let at = Parameter::ALL.into_iter().zip(values).filter(|(p, _)| handle.quantity.parameters.contains(p));
+            let at = at.fold(Point::default(), |at, (p, v)| at.with(p, v).expect("in the domain"));
+            let value = |model: &Model| handle.evaluate(&at, model, &integration).expect("reached").value;
+            let usual = value(&Model::default());
+            let changed = [
+                value(&Model { smith: Smith::Separable, ..Model::default() }),
+                value(&Model { visibility: Visibility::Charlie, ..Model::default() }),
+                value(&Model { kd: Kd::Fresnel, ..Model::default() }),
+            ]
+            .map(|v| v != usual);
+            let q = handle.quantity;
+            let said = [q.depends_on_smith(), q.depends_on_visibility(), q.depends_on_kd()];
+            assert_eq!(changed, said, "{}: Smith, visibility, kd", q.name);
+        }
+    }
+
+    #[test]
+    fn a_mistyped_quantity_is_told_the_nearest_ones_each_once() {
+        for (wrong, offered) in [
+            ("ggx.albdo", "did you mean ggx.albedo?"),
+            ("ggx.skale", "did you mean ggx.scale?"),
+            ("albedo_avg", "ggx.albedo_avg"),
+            ("compensations.*", "compensation."),
+        ] {
+            let text = find(wrong).expect_err("no such quantity").to_string();
+            assert!(text.contains(offered), "{wrong}: {text}");
+            for handle in all() {
+                let list = text.split("did you mean").nth(1).unwrap_or_default();
+                let times = list.split([',', '?']).filter(|w| w.trim() == handle.quantity.name).count();
+                assert!(times <= 1, "{wrong}: {text}");
+            }
+        }
+        assert_eq!(find("zzz").expect_err("no such quantity").to_string().matches("did you mean").count(), 0);
+    }
 }

@@ -3,7 +3,7 @@
 use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
-use crate::check::{Check, CubeLevel, EnvironmentValues};
+use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
 use crate::environment::{KernelKind, Panorama, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
@@ -21,7 +21,8 @@ pub(super) fn verify(
     recipe.check().map_err(|e| e.in_file(path))?;
     let (again, skipped) = source_again(certificate, recipe);
     let panorama = again.as_ref().map(|source| source.panorama.clone());
-    let mut report = Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped };
+    let mut report =
+        Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped, ..Report::default() };
     match content {
         Content::Texture(texture) => {
             let levels = levels(path, texture, certificate, recipe).map_err(|e| e.in_file(path))?;
@@ -29,7 +30,7 @@ pub(super) fn verify(
             report.checks.extend(digest_check(path, certificate, &digest));
             let is_irradiance = levels[0].name == IRRADIANCE;
             let format = cube_texel(if is_irradiance { recipe.format_of_irradiance() } else { recipe.format })?;
-            let precision = precision(format, &levels, certificate.packing.max_block_error);
+            let precision = precision(format, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
             let judged = EnvironmentValues { levels: &levels, precision, orientation: recipe.orientation };
             report
                 .checks
