@@ -173,14 +173,15 @@ impl EnvironmentValues<'_> {
     /// lobe to [`VIEW_SUM`].
     fn against_view(&self, level: &CubeLevel, view: View, panorama: &Panorama, seed: u64) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let all = chosen(level, panorama, seed);
+        let (column, row, _) = panorama.peak();
+        let all = chosen(level, panorama.texel_box(column, row).middle(), seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
         let sums: Vec<[f64; 3]> =
             texels.iter().map(|&texel| lobe.sum(panorama, texel_direction(level.size, texel))).collect();
         let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
         let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
-        worst(&name, &level.name, self.compare(&known, panorama, texels.clone(), truth, false))
+        worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
