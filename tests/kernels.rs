@@ -84,13 +84,13 @@ fn assert_goal(panorama: &Panorama, kernels: &[Kernel], aims: &[DVec3]) {
 fn masked_and_sheen_kernels_are_within_1e_4_of_the_full_sum_wherever_errors_hide() {
     let kernels: Vec<Kernel> = [KernelKind::G1, KernelKind::Charlie]
         .into_iter()
-        .flat_map(|kind| [0.05, 0.25, 9.0 / 16.0, 1.0].map(|alpha| Kernel::of(kind, alpha)))
+        .flat_map(|kind| [0.05, 0.25, 1.0].map(|alpha| Kernel::of(kind, alpha)))
         .collect();
-    for (size, sun) in [([64, 32], (37, 10)), ([48, 24], (0, 0)), ([10, 5], (4, 2))] {
+    for (size, sun) in [([64, 32], (37, 10)), ([34, 17], (0, 0)), ([10, 5], (4, 2))] {
         let panorama = lit(size, 3, sun);
         assert_goal(&panorama, &kernels, &aims(&panorama, &NEAR_AND_RING));
     }
-    let panorama = night([64, 32], (15, 20));
+    let panorama = night([48, 24], (11, 15));
     assert_goal(&panorama, &kernels, &aims(&panorama, &NEAR_AND_RING));
 }
 
@@ -102,7 +102,7 @@ fn kernels_narrower_than_a_texel_are_within_1e_4_of_the_full_sum() {
         .collect();
     let beside = [1e-3, 0.024, 0.049, 0.07, 0.15, 0.4, 1.0, 1.5708];
     for panorama in
-        [lit([128, 64], 4, (37, 20)), lit([128, 64], 5, (0, 63)), night([64, 32], (15, 20)), lit([10, 5], 6, (8, 2))]
+        [lit([64, 32], 4, (37, 20)), lit([48, 24], 5, (0, 23)), night([48, 24], (11, 15)), lit([10, 5], 6, (8, 2))]
     {
         assert_goal(&panorama, &kernels, &aims(&panorama, &beside));
     }
