@@ -260,6 +260,10 @@ impl<'a> FullSum<'a> {
         let mut mend = |part: Range<usize>| {
             for (i, weight) in part.clone().zip(&mut weights[part]) {
                 let column = columns.start + i;
+                let c = up + sin * first[i];
+                if c + slack <= near_from && c.abs() - slack >= belt {
+                    continue;
+                }
                 let phi = TAU * column as f64 / width as f64 - PI;
                 // (Between the points of the column: its centre, to a relative dφ²/8.)
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
