@@ -10,6 +10,7 @@ use crate::environment::{Adjustment, ChainSpec, InputLayout, KernelKind, Negativ
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, Packing};
 use crate::integrate::Settings;
+use crate::language::Language;
 use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
 use serde::{Deserialize, Serialize};
@@ -27,6 +28,9 @@ pub const BUILT_IN: &str = include_str!("built_in_recipe.toml");
 pub struct Recipe {
     /// [`RECIPE_VERSION`].
     pub recipe: u32,
+    /// Languages in which `lookup.glsl` and so on, the code that looks up all of it, is written.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shader: Vec<Language>,
     /// Tables, in the order in which they are baked.
     #[serde(default, rename = "table")]
     pub tables: Vec<TableRecipe>,

@@ -3,6 +3,7 @@
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
 use kiln::Result;
 use kiln::integrate::{Integrator, Settings};
+use kiln::language::Language;
 use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
 use kiln::model::layered::Kd;
@@ -147,6 +148,21 @@ impl IntegrationArgs {
             flags => flags,
         };
         Settings { integrator, tolerance, samples, seed: self.seed.unwrap_or(settings.seed) }
+    }
+}
+
+/// Which code to write beside what is baked.
+#[derive(Debug, Clone, Default, Args)]
+pub struct ShaderArgs {
+    /// Write shader code that looks up what is baked, too: glsl, hlsl, wgsl or several
+    #[arg(long = "shader", value_name = "LANGUAGE", value_delimiter = ',')]
+    languages: Vec<Language>,
+}
+
+impl ShaderArgs {
+    /// The languages, each once.
+    pub fn languages(&self) -> Vec<Language> {
+        Language::ALL.into_iter().filter(|language| self.languages.contains(language)).collect()
     }
 }
 

@@ -1,10 +1,11 @@
 //! `kiln bake`: everything that a recipe lists.
 
-use super::arguments::IntegrationArgs;
+use super::arguments::{IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::env::bake_environment;
 use super::table::bake_table;
 use clap::Args;
+use kiln::format::atomic;
 use kiln::recipe::{BUILT_IN, Recipe};
 use kiln::{Error, Result};
 use std::path::PathBuf;
@@ -24,6 +25,8 @@ pub struct Bake {
     print_recipe: bool,
     #[command(flatten)]
     integration: IntegrationArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 impl Bake {
@@ -43,6 +46,10 @@ impl Bake {
             environment.integration = self.integration.over(environment.integration);
             environment.check()?;
         }
+        let languages = self.shader.languages();
+        if !languages.is_empty() {
+            recipe.shader = languages;
+        }
         if self.print_recipe {
             // The built-in one as it stands, with its comments, unless a flag changed it.
             let unchanged = self.recipe.is_none() && recipe == Recipe::built_in()?;
@@ -50,10 +57,14 @@ impl Bake {
         }
         let mut certificates = vec![];
         for table in &recipe.tables {
-            certificates.push(bake_table(table, &self.out, console)?);
+            certificates.push(bake_table(table, &self.out, &[], console)?);
         }
         for environment in &recipe.environments {
-            certificates.push(bake_environment(environment, &self.out, console)?);
+            certificates.push(bake_environment(environment, &self.out, &[], console)?);
+        }
+        for (path, text) in kiln::bake::combined_shader(&recipe, &certificates, &self.out)? {
+            atomic::write(&self.out.join(&path), text.as_bytes())?;
+            console.note(&format!("{}: code for all of it", self.out.join(&path).display()));
         }
         if console.json { console.print_json(&certificates) } else { Ok(()) }
     }

@@ -1,7 +1,7 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::IntegrationArgs;
+use super::arguments::{IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
@@ -13,6 +13,7 @@ use kiln::environment::{
     BUILTIN_PREFIX, InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, View,
 };
 use kiln::format::FormatSpec;
+use kiln::language::Language;
 use kiln::recipe::EnvironmentRecipe;
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -81,6 +82,8 @@ pub struct Env {
     integration: IntegrationArgs,
     #[command(flatten)]
     adjust: AdjustArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -136,7 +139,7 @@ enum NegativesName {
 impl Env {
     pub fn run(&self, console: &Console) -> Result<()> {
         if let [input] = &self.inputs[..] {
-            let certificate = bake_environment(&self.recipe(input), &self.out, console)?;
+            let certificate = bake_environment(&self.recipe(input), &self.out, &self.shader.languages(), console)?;
             return if console.json { console.print_json(&certificate) } else { Ok(()) };
         }
         let names = names(&self.inputs)?;
@@ -151,7 +154,7 @@ impl Env {
                     console.note(&format!("{}: unchanged", target.display()));
                     certificates.push(certificate);
                 }
-                None => match bake_environment(&recipe, &self.out, console) {
+                None => match bake_environment(&recipe, &self.out, &self.shader.languages(), console) {
                     Ok(certificate) => certificates.push(certificate),
                     Err(error) => {
                         console.error(&error);
@@ -253,8 +256,13 @@ fn names(inputs: &[String]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Bakes an environment below `folder`, and says what became of it.
-pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes an environment below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_environment(
+    recipe: &EnvironmentRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     recipe.check()?;
     // Before minutes of work, not after: whether the folder can be written to.
     let target = folder.join(&recipe.directory);
@@ -275,7 +283,8 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     let bar = console.progress(kiln::bake::environment_texels(recipe), &recipe.input);
     let baked = kiln::bake::environment(recipe, &source, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     baked.write(folder)?;
     let levels: Vec<String> = baked
         .certificate

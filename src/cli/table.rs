@@ -1,10 +1,11 @@
 //! `kiln table`: one table.
 
-use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
+use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
 use kiln::format::{Container, FormatSpec};
+use kiln::language::Language;
 use kiln::math::warp::Warp;
 use kiln::pack::{PackReport, TexelFormat};
 use kiln::recipe::TableRecipe;
@@ -54,12 +55,14 @@ pub struct Table {
     parameters: ParameterArgs,
     #[command(flatten)]
     integration: IntegrationArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 impl Table {
     pub fn run(&self, console: &Console) -> Result<()> {
         let (recipe, folder) = self.recipe()?;
-        let certificate = bake_table(&recipe, &folder, console)?;
+        let certificate = bake_table(&recipe, &folder, &self.shader.languages(), console)?;
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
@@ -157,14 +160,20 @@ fn parse_size(text: &str) -> Result<Vec<usize>> {
         .collect()
 }
 
-/// Bakes a table below `folder`, and says what became of it.
-pub fn bake_table(recipe: &TableRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes a table below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_table(
+    recipe: &TableRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     let spec = recipe.spec()?;
     spec.check()?;
     let bar = console.progress(spec.len() as u64, &recipe.file);
     let baked = kiln::bake::table(recipe, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     let paths = baked.write(folder)?;
     report(console, &baked.certificate, recipe.texel_format()?, &paths);
     Ok(baked.certificate)

@@ -4,6 +4,7 @@
 
 use super::quantity::{Parameter, near_matches};
 use crate::error::{Error, Result};
+use crate::math::expression::Expression;
 use crate::math::warp::Warp;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -72,6 +73,28 @@ impl Axis {
             Sampling::Centre => t * n - 0.5,
             Sampling::Edge => t * (n - 1.0),
         }
+    }
+
+    /// The parameter `x` kept within the range, as shader code: a cosine that rounding has made larger than 1 must not become NaN.
+    pub fn kept_within(&self, x: Expression) -> Expression {
+        /// Stands for infinity, which a shader does not have: (x − 1)/(x + 1) is 1 there.
+        const FAR: f64 = 1e30;
+        let (low, high) = self.ends();
+        x.clamp(low, high.min(FAR))
+    }
+
+    /// The texture coordinate of a parameter `x` that is within the range, as shader code: texel i is at (i + ½)/n.
+    ///
+    /// What [`Axis::position`] computes, in the order that loses nothing to f32: the beginning of the range is taken off first.
+    pub fn coordinate(&self, x: Expression) -> Expression {
+        let (first, last) = self.warped_ends();
+        let n = self.size as f64;
+        let (scale, offset) = match self.sampling {
+            Sampling::Centre => (1.0, 0.0),
+            Sampling::Edge => ((n - 1.0) / n, 0.5 / n),
+        };
+        let along = (self.warp.expression(x) - first) * (scale / (last - first));
+        if self.flip { Expression::from(1.0 - offset) - along } else { along + offset }
     }
 
     /// The parameter at a position in texels; beyond the outermost texels as far as the range goes.
@@ -280,6 +303,23 @@ mod tests {
                 assert!((got - i as f64).abs() < 1e-12, "{axis} texel {i}: got {got}");
             }
         }
+    }
+
+    #[test]
+    fn the_shader_code_finds_the_position_that_the_axis_has() {
+        for axis in every_axis() {
+            let code = axis.coordinate(axis.kept_within(Expression::variable("x")));
+            for i in 0..=100 {
+                let x = axis.value_at_position(f64::from(i) / 100.0 * axis.size as f64 - 0.5);
+                let got = code.evaluate(&|_| x) * axis.size as f64 - 0.5;
+                let wanted = axis.position(x);
+                // 2.2e-8 of the polynomial of acos over π/2, times 16 texels.
+                assert!((got - wanted).abs() < 3e-7, "{axis} at {x}: {got} texels, wanted {wanted}; {code}");
+            }
+        }
+        let eta: Axis = "eta:16:f0-fourth-root".parse().expect("an axis");
+        let code = eta.coordinate(eta.kept_within(Expression::variable("eta")));
+        assert_eq!(code.evaluate(&|_| f64::INFINITY), 1.0);
     }
 
     #[test]

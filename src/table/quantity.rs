@@ -192,6 +192,11 @@ impl Parameter {
         self.facts().name
     }
 
+    /// Its name in shader code.
+    pub fn shader_name(self) -> &'static str {
+        if self == Self::Mu { "NoV" } else { self.name() }
+    }
+
     /// The parameter of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|p| p.name() == name)
