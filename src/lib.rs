@@ -9,9 +9,9 @@
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
-//! | 5 | [`check`], [`certificate`] (facts about a file) |
+//! | 5 | [`check`], [`certificate`] (facts about a file), [`claim`] (what a file is said to hold) |
 //! | 6 | [`shader`] (code that looks up what was baked) |
-//! | 7 | [`bake`], [`verify`], [`convert`] |
+//! | 7 | [`bake`], [`identify`], [`compare`], [`verify`], [`convert`] |
 //! | 8 | [`report`] (previews) |
 //!
 //! # Units
@@ -48,11 +48,14 @@
 pub mod bake;
 pub mod certificate;
 pub mod check;
+pub mod claim;
 pub mod colour;
+pub mod compare;
 pub mod convert;
 pub mod environment;
 pub mod error;
 pub mod format;
+pub mod identify;
 pub mod integrate;
 pub mod language;
 pub mod material;

@@ -38,7 +38,7 @@ fn aims(panorama: &Panorama, angles: &[f64]) -> Vec<DVec3> {
     let (side, up) = sun.any_orthonormal_pair();
     let mut aims = vec![sun, -sun, DVec3::Y, -DVec3::Y, DVec3::ONE.normalize(), DVec3::X, DVec3::Z];
     for &angle in angles {
-        for away in [side, up, (side - up) * 0.5f64.sqrt()] {
+        for away in [up, (side - up) * 0.5f64.sqrt()] {
             aims.push(sun * angle.cos() + away * angle.sin());
         }
     }
@@ -47,12 +47,11 @@ fn aims(panorama: &Panorama, angles: &[f64]) -> Vec<DVec3> {
         DVec3::new(r * phi.cos(), y, r * phi.sin())
     };
     aims.extend([at(texel.phi[0], texel.y[0]), at(texel.phi[1], 0.5 * (texel.y[0] + texel.y[1]))]);
-    aims.extend((0..16).map(|i| at(f64::from(i) * 2.4, 1.0 - 2.0 * (f64::from(i) + 0.5) / 16.0)));
+    aims.extend((0..6).map(|i| at(f64::from(i) * 2.4, 1.0 - (f64::from(i) + 0.5) / 3.0)));
     aims
 }
 
-const NEAR_AND_RING: [f64; 11] =
-    [0.005, 0.02, 0.05, 0.1, 0.3, 1.0, 1.56, 1.5657, 0.5 * std::f64::consts::PI, 1.576, 1.6];
+const NEAR_AND_RING: [f64; 7] = [0.02, 0.07, 0.3, 1.0, 1.5657, 0.5 * std::f64::consts::PI, 1.6];
 
 /// The goal: 1e-4 of the value, or of 1e-3 of the mean where that is more.
 fn assert_goal(panorama: &Panorama, kernels: &[Kernel], aims: &[DVec3]) {
@@ -66,7 +65,7 @@ fn assert_goal(panorama: &Panorama, kernels: &[Kernel], aims: &[DVec3]) {
             let (got, wanted) = (function.at(direction), exact.evaluate(direction, kernel));
             for c in 0..3 {
                 let off = (got[c] - wanted[c]).abs() / wanted[c].max(1e-3 * mean[c]);
-                if !(off <= worst.0) {
+                if off > worst.0 || off.is_nan() {
                     worst = (off, format!("{direction}, channel {c}: {} wanted {}", got[c], wanted[c]));
                 }
             }
@@ -74,7 +73,7 @@ fn assert_goal(panorama: &Panorama, kernels: &[Kernel], aims: &[DVec3]) {
         let shape =
             format!("{} × {}, {} {}", panorama.width(), panorama.height(), kernel.kind().name(), kernel.alpha());
         println!("{shape}, degree {}: {:.1e} (bound {:.1e})", function.degree, worst.0, function.truncation);
-        if !(worst.0 <= 1e-4) {
+        if worst.0 > 1e-4 || worst.0.is_nan() {
             failures.push(format!("{shape}, degree {}: {:.2e} at {}", function.degree, worst.0, worst.1));
         }
     }
@@ -85,13 +84,13 @@ fn assert_goal(panorama: &Panorama, kernels: &[Kernel], aims: &[DVec3]) {
 fn masked_and_sheen_kernels_are_within_1e_4_of_the_full_sum_wherever_errors_hide() {
     let kernels: Vec<Kernel> = [KernelKind::G1, KernelKind::Charlie]
         .into_iter()
-        .flat_map(|kind| [0.05, 0.25, 9.0 / 16.0, 1.0].map(|alpha| Kernel::of(kind, alpha)))
+        .flat_map(|kind| [0.05, 0.25, 1.0].map(|alpha| Kernel::of(kind, alpha)))
         .collect();
-    for (size, sun) in [([128, 64], (37, 20)), ([96, 48], (0, 0)), ([34, 17], (20, 8)), ([10, 5], (4, 2))] {
+    for (size, sun) in [([64, 32], (37, 10)), ([34, 17], (0, 0)), ([10, 5], (4, 2))] {
         let panorama = lit(size, 3, sun);
         assert_goal(&panorama, &kernels, &aims(&panorama, &NEAR_AND_RING));
     }
-    let panorama = night([128, 64], (30, 40));
+    let panorama = night([48, 24], (11, 15));
     assert_goal(&panorama, &kernels, &aims(&panorama, &NEAR_AND_RING));
 }
 
@@ -99,11 +98,11 @@ fn masked_and_sheen_kernels_are_within_1e_4_of_the_full_sum_wherever_errors_hide
 fn kernels_narrower_than_a_texel_are_within_1e_4_of_the_full_sum() {
     let kernels: Vec<Kernel> = [KernelKind::Nol, KernelKind::G1]
         .into_iter()
-        .flat_map(|kind| [1e-4, 1e-3, 3.9e-3, 0.012].map(|alpha| Kernel::of(kind, alpha)))
+        .flat_map(|kind| [1e-4, 3.9e-3, 0.012].map(|alpha| Kernel::of(kind, alpha)))
         .collect();
-    let beside = [1e-4, 1e-3, 0.01, 0.024, 0.03, 0.049, 0.07, 0.15, 0.2, 0.4, 1.0, 1.566, 1.5708, 1.7];
+    let beside = [1e-3, 0.024, 0.049, 0.07, 0.15, 0.4, 1.0, 1.5708];
     for panorama in
-        [lit([128, 64], 4, (37, 20)), lit([128, 64], 5, (0, 63)), night([128, 64], (30, 40)), lit([33, 20], 6, (8, 10))]
+        [lit([64, 32], 4, (37, 20)), lit([48, 24], 5, (0, 23)), night([48, 24], (11, 15)), lit([10, 5], 6, (8, 2))]
     {
         assert_goal(&panorama, &kernels, &aims(&panorama, &beside));
     }
@@ -111,11 +110,11 @@ fn kernels_narrower_than_a_texel_are_within_1e_4_of_the_full_sum() {
 
 #[test]
 fn monte_carlo_agrees_with_the_full_sum_for_every_kernel() {
-    for panorama in [lit([64, 32], 7, (20, 9)), night([64, 32], (10, 20))] {
+    for panorama in [lit([48, 24], 7, (20, 9)), night([32, 16], (5, 10))] {
         let (mean, exact) = (panorama.mean(), FullSum::new(&panorama));
         let monte_carlo = MonteCarlo::new(&panorama, 5);
-        let aims = aims(&panorama, &[0.02, 0.1, 0.3, 1.0, 1.5, 1.57, 1.65]);
-        for kernel in KernelKind::ALL.into_iter().flat_map(|kind| [0.05, 0.3, 1.0].map(|a| Kernel::of(kind, a))) {
+        let aims = aims(&panorama, &[0.1, 1.0, 1.57]);
+        for kernel in KernelKind::ALL.into_iter().flat_map(|kind| [0.05, 1.0].map(|a| Kernel::of(kind, a))) {
             let (estimates, _) = monte_carlo.estimate(&aims, &kernel, 1 << 13, &|_| {});
             for (estimate, &direction) in estimates.iter().zip(&aims) {
                 let wanted = exact.evaluate(direction, &kernel);
@@ -137,15 +136,15 @@ fn monte_carlo_agrees_with_the_full_sum_for_every_kernel() {
 /// Kernels have mass one over the texels: a map that is 1 but for one texel, and that texel.
 #[test]
 fn full_sums_keep_the_mass_of_every_kernel_and_agree_with_more_points() {
-    let panorama = lit([64, 32], 9, (20, 9));
-    let (width, dark) = (64, 64 * 11 + 30);
+    let panorama = lit([48, 24], 9, (20, 9));
+    let (width, dark) = (48, 48 * 11 + 30);
     let parts: Vec<[f32; 3]> =
-        (0..64 * 32).map(|i| if i == dark { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] }).collect();
-    let parts = Panorama::new(width, 32, parts).unwrap();
+        (0..48 * 24).map(|i| if i == dark { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] }).collect();
+    let parts = Panorama::new(width, 24, parts).unwrap();
     let (mass, coarse, fine) =
         (FullSum::new(&parts), FullSum::new(&panorama), FullSum::with_extra_points(&panorama, 3));
-    for kernel in KernelKind::ALL.into_iter().flat_map(|kind| [0.01, 0.05, 0.3, 1.0].map(|a| Kernel::of(kind, a))) {
-        for direction in aims(&panorama, &[0.05, 0.3, 1.5, 1.5708]) {
+    for kernel in KernelKind::ALL.into_iter().flat_map(|kind| [0.01, 0.05, 1.0].map(|a| Kernel::of(kind, a))) {
+        for direction in aims(&panorama, &[0.3, 1.5708]) {
             let [rest, one, _] = mass.evaluate(direction, &kernel);
             assert!((rest + one - 1.0).abs() < 2e-6, "{kernel:?}, {direction}: mass {}", rest + one);
             let (got, wanted) = (coarse.evaluate(direction, &kernel), fine.evaluate(direction, &kernel));
@@ -288,4 +287,43 @@ fn what_no_kernel_can_do_is_refused_with_a_way_out() {
     let sheen = ["env", "builtin:sun", "--out", "out", "--kernel", "charlie", "--roughness", "0,1"];
     assert!(fail(folder.path(), &sheen, 2).contains("--roughness 0.07"));
     assert!(!folder.path().join("out/specular.ktx2").exists());
+}
+
+/// What a direction costs: `cargo test --test kernels -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures time"]
+fn time_of_narrow_kernels() {
+    let panorama = lit([1024, 512], 4, (300, 200));
+    let exact = FullSum::new(&panorama);
+    let directions: Vec<DVec3> = (0..2000)
+        .map(|i| {
+            let (y, phi) = (1.0 - 2.0 * (f64::from(i) + 0.5) / 2000.0, f64::from(i) * 2.4);
+            let r = (1.0 - y * y).sqrt();
+            DVec3::new(r * phi.cos(), y, r * phi.sin())
+        })
+        .collect();
+    for kernel in
+        KernelKind::ALL.into_iter().flat_map(|kind| [1e-4, 1e-3, 3.9e-3, 0.02, 0.25].map(|a| Kernel::of(kind, a)))
+    {
+        if kernel.kind() == KernelKind::Charlie && kernel.alpha() < 4e-3 {
+            continue;
+        }
+        let start = std::time::Instant::now();
+        let kernels = [kernel];
+        let zonal = Zonal::new(&panorama, &kernels, InstructionSet::detect());
+        let function = zonal.function(&kernel);
+        let prepared = start.elapsed();
+        let start = std::time::Instant::now();
+        let sum: f64 = directions.iter().map(|&d| function.at(d)[0]).sum();
+        let each = start.elapsed() / 2000;
+        let start = std::time::Instant::now();
+        let wanted: f64 = directions.iter().take(20).map(|&d| exact.evaluate(d, &kernel)[0]).sum();
+        let full = start.elapsed() / 20;
+        println!(
+            "{} {}: degree {}, prepared in {prepared:?}, {each:?} a direction, full sum {full:?} ({sum:.3}, {wanted:.3})",
+            kernel.kind().name(),
+            kernel.alpha(),
+            function.degree
+        );
+    }
 }

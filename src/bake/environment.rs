@@ -3,10 +3,10 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
-use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
+use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
 use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, KernelKind, Panorama, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, FullSum, InputReport, KernelKind, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, FormatSpec, Packing, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
@@ -149,14 +149,17 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
     let format = recipe.cube_format()?;
-    let (specular, irradiance) = filter(recipe, panorama, progress)?;
+    let truth = FullSum::new(panorama);
+    let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
     let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, recipe, format);
     let judged = EnvironmentValues { levels: &values, precision: precision(format, &values, packing.max_block_error) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
     let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
-    checks.extend(judged.against(panorama, recipe.integration.seed, false));
+    // The same function would make the same average again.
+    let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(cube, _)| cube);
+    checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, false));
     checks.extend(level_zero_flux(&specular[0].1));
     let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
     let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));
@@ -202,12 +205,18 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
 type Filtered = (Cube, LevelReport);
 
 /// The specular chain and the irradiance cube, with as many samples as the settings ask for.
-fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -> Result<(Vec<Filtered>, Filtered)> {
+fn filter(
+    recipe: &EnvironmentRecipe,
+    panorama: &Panorama,
+    truth: &FullSum,
+    progress: Progress,
+) -> Result<(Vec<Filtered>, Filtered)> {
     let settings = recipe.integration;
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) = chain_and_irradiance(panorama, &spec, recipe.irradiance_size, progress)?;
+        let (chain, irradiance) =
+            chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {

@@ -8,6 +8,7 @@ use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// One cube and what is claimed of it.
 #[derive(Debug, Clone)]
@@ -41,7 +42,8 @@ pub struct EnvironmentValues<'a> {
 
 /// A value that is wrong by how much, and by how much it may be.
 struct Deviation {
-    place: String,
+    /// The texel, and its channel.
+    place: (usize, usize),
     figure: f64,
     limit: f64,
 }
@@ -52,15 +54,15 @@ impl Deviation {
     }
 }
 
-fn worst(name: &str, subject: &str, deviations: Vec<Deviation>) -> Option<Check> {
+fn worst(name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
     let count = deviations.len();
     let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
-    let detail = format!("worst of {count} at {}", worst.place);
-    Some(Check::at_most(name, subject, worst.figure, worst.limit, detail))
+    let detail = format!("worst of {count} at {}", place(level.size, worst.place));
+    Some(Check::at_most(name, &level.name, worst.figure, worst.limit, detail))
 }
 
 /// Where a texel is, for a report.
-fn place(size: usize, texel: usize, channel: usize) -> String {
+fn place(size: usize, (texel, channel): (usize, usize)) -> String {
     let (face, rest) = (texel / (size * size), texel % (size * size));
     let (face, channel) = (["+X", "-X", "+Y", "-Y", "+Z", "-Z"][face], ["R", "G", "B"][channel]);
     format!("face {face}, texel {}, {}, {channel}", rest % size, rest / size)
@@ -92,22 +94,34 @@ impl EnvironmentValues<'_> {
     /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
     /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
     pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
-        let sum = FullSum::new(panorama);
+        self.against_truth(&FullSum::new(panorama), None, panorama, seed, full)
+    }
+
+    /// The same, with a full sum and an area average of the panorama that others use too.
+    pub(crate) fn against_truth(
+        &self,
+        sum: &FullSum,
+        average: Option<&Cube>,
+        panorama: &Panorama,
+        seed: u64,
+        full: bool,
+    ) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
         let mut checks = vec![];
         for (index, level) in self.levels.iter().enumerate() {
             if is_constant {
                 let deviations = self.compare(level, panorama, all(level), |_| constant, true);
-                checks.extend(worst("distance from the constant input", &level.name, deviations));
+                checks.extend(worst("distance from the constant input", level, deviations));
                 continue;
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
-                let average = area_average(panorama, level.size);
+                let known = average.filter(|average| average.size == level.size);
+                let average = known.map_or_else(|| Cow::Owned(area_average(panorama, level.size)), Cow::Borrowed);
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
-                checks.extend(worst("exact area average at every texel", &level.name, deviations));
+                checks.extend(worst("exact area average at every texel", level, deviations));
                 continue;
             }
             if let Some(view) = level.view {
@@ -117,15 +131,16 @@ impl EnvironmentValues<'_> {
             if alpha * level.size as f64 >= RESOLVED {
                 checks.push(mean_check(level, panorama, self.mean_packing(level)));
             }
+            sum.prepare();
             let kernel = Kernel::of(level.kernel, alpha);
-            let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
+            let texels = if full { all(level) } else { chosen(level, sum.sun(), seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
                 format!("full sum at {} texels", texels.len())
             };
             let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
-            checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
+            checks.extend(worst(&name, level, self.compare(level, panorama, texels, truth, false)));
         }
         checks
     }
@@ -191,7 +206,7 @@ impl EnvironmentValues<'_> {
                     let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
-                    Deviation { place: place(level.size, texel, c), figure, limit }
+                    Deviation { place: (texel, c), figure, limit }
                 })
             })
             .collect()
@@ -237,11 +252,9 @@ fn all(level: &CubeLevel) -> Vec<usize> {
 
 /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
 /// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
+fn chosen(level: &CubeLevel, sun: DVec3, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
-    let (column, row, _) = panorama.peak();
-    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let ring = (0..8).map(|i| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();

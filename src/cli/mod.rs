@@ -5,12 +5,15 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod compare;
 mod completions;
 mod console;
 mod convert;
 mod env;
 mod eval;
+mod foreign;
 mod furnace;
+mod identify;
 mod info;
 mod list;
 mod man;
@@ -54,6 +57,8 @@ enum Verb {
     Env(env::Env),
     Eval(eval::Eval),
     Verify(verify::Verify),
+    Identify(identify::Identify),
+    Compare(compare::Compare),
     Info(info::Info),
     Show(show::Show),
     Shader(shader::Shader),
@@ -83,6 +88,8 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Env(verb) => verb.run(console),
         Verb::Eval(verb) => verb.run(console),
         Verb::Verify(verb) => verb.run(console),
+        Verb::Identify(verb) => verb.run(console),
+        Verb::Compare(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
         Verb::Shader(verb) => verb.run(console),

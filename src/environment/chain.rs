@@ -178,10 +178,21 @@ pub fn chain_and_irradiance(
     irradiance_size: usize,
     finished: &(dyn Fn(u64) + Sync),
 ) -> Result<(Chain, (Cube, LevelReport))> {
+    chain_and_irradiance_beside(&FullSum::new(panorama), panorama, spec, irradiance_size, finished)
+}
+
+/// The same, with a full sum of the panorama that others use too.
+pub(crate) fn chain_and_irradiance_beside(
+    truth: &FullSum,
+    panorama: &Panorama,
+    spec: &ChainSpec,
+    irradiance_size: usize,
+    finished: &(dyn Fn(u64) + Sync),
+) -> Result<(Chain, (Cube, LevelReport))> {
     spec.check()?;
     check_irradiance(irradiance_size)?;
     let kernels: Vec<Kernel> = spec.kernels().into_iter().chain([lambert()]).collect();
-    let filter = Filter::new(panorama, spec, &kernels);
+    let filter = Filter::beside(truth.clone(), panorama, spec, &kernels);
     Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, Some(lambert()), finished)))
 }
 
@@ -248,14 +259,18 @@ enum Witness<'a> {
 impl<'a> Filter<'a> {
     /// A filter for these kernels.
     pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec, kernels: &[Kernel]) -> Self {
+        Self::beside(FullSum::new(panorama), panorama, spec, kernels)
+    }
+
+    fn beside(truth: FullSum<'a>, panorama: &'a Panorama, spec: &ChainSpec, kernels: &[Kernel]) -> Self {
         let witness = match spec.integrator {
-            Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
+            Integrator::Quadrature => Witness::Quadrature(truth),
             Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
             Integrator::Auto | Integrator::Zonal => {
                 let mut kernels = kernels.to_vec();
                 kernels.sort_by(|a, b| (a.kind() as u8).cmp(&(b.kind() as u8)).then(a.alpha().total_cmp(&b.alpha())));
                 kernels.dedup();
-                Witness::Zonal(Zonal::new(panorama, &kernels, InstructionSet::detect()))
+                Witness::Zonal(Zonal::beside(truth, panorama, &kernels, InstructionSet::detect()))
             }
         };
         let view = spec.view.map(|view| (view, ViewMonteCarlo::new(panorama, spec.seed)));

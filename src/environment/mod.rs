@@ -12,6 +12,7 @@
 mod adjust;
 pub mod area_average;
 pub mod builtin;
+mod cells;
 pub mod chain;
 pub mod cube;
 mod face_files;

@@ -79,7 +79,21 @@ pub(crate) trait Profile {
     fn value(kernel: &Kernel, c: f64, w: f64) -> f64;
     /// K″(c).
     fn curvature(kernel: &Kernel, c: f64, w: f64) -> f64;
+    /// K(c) of any cosine, without a branch.
+    #[inline(always)]
+    fn at(kernel: &Kernel, c: f64) -> f64 {
+        let lit = if c > 0.0 { c } else { 0.0 };
+        Self::value(kernel, lit, 1.0 - lit)
+    }
+    /// K(c) and K″(c).
+    #[inline(always)]
+    fn both(kernel: &Kernel, c: f64, w: f64) -> (f64, f64) {
+        (Self::value(kernel, c, w), Self::curvature(kernel, c, w))
+    }
 }
+
+/// [`KernelKind::Nol`] at alpha 1.
+pub(crate) struct Lambert;
 
 /// [`KernelKind::Nol`].
 pub(crate) struct Nol;
@@ -120,6 +134,25 @@ impl Profile for Nol {
     fn curvature(kernel: &Kernel, c: f64, w: f64) -> f64 {
         let r = 1.0 / (kernel.one_minus_beta + kernel.beta * w);
         kernel.norm * r * r * r * (4.0 * kernel.beta + 6.0 * kernel.beta * kernel.beta * c * r)
+    }
+
+    #[inline(always)]
+    fn both(kernel: &Kernel, c: f64, w: f64) -> (f64, f64) {
+        let r = 1.0 / (kernel.one_minus_beta + kernel.beta * w);
+        let scale = kernel.norm * r * r;
+        (scale * c, scale * r * (4.0 * kernel.beta + 6.0 * kernel.beta * kernel.beta * c * r))
+    }
+}
+
+impl Profile for Lambert {
+    #[inline(always)]
+    fn value(kernel: &Kernel, c: f64, _w: f64) -> f64 {
+        kernel.norm * c
+    }
+
+    #[inline(always)]
+    fn curvature(_kernel: &Kernel, _c: f64, _w: f64) -> f64 {
+        0.0
     }
 }
 
@@ -200,6 +233,11 @@ impl Kernel {
     fn squeezed(&self, c: f64) -> f64 {
         let a2 = self.alpha * self.alpha;
         (a2 + (1.0 - a2) * c * c).sqrt()
+    }
+
+    /// Whether the kernel is a multiple of the cosine: [`Lambert`].
+    pub(crate) fn is_lambert(&self) -> bool {
+        self.kind == KernelKind::Nol && self.beta == 0.0
     }
 
     /// Whether the kernel is a ring below the horizon instead of a cap about its axis.

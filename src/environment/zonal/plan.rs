@@ -12,10 +12,10 @@ use glam::DVec3;
 use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
-use super::lanes::InstructionSet;
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
 use super::split::Split;
 use crate::environment::DARK_FLOOR;
-use crate::environment::kernel::Kernel;
+use crate::environment::kernel::{Kernel, Profile, with_profile};
 use crate::environment::panorama::Panorama;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
@@ -201,27 +201,42 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
 
 /// About how dark the darkest output of a kernel is, in parts of its channel's mean; from a coarse map of cells, rather too dark than
 /// too bright, and never below [`DARK_FLOOR`].
-pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel) -> f64 {
+pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel, instructions: InstructionSet) -> f64 {
     /// Cells do not resolve narrower kernels.
     const NARROWEST: f64 = 0.1;
-    const DIRECTIONS: usize = 256;
     let (mean, kernel) = (panorama.mean(), Kernel::of(kernel.kind(), kernel.alpha().max(NARROWEST)));
-    let mut darkest = 1.0f64;
-    for i in 0..DIRECTIONS {
+    let darkest = instructions.run(
+        #[inline(always)]
+        || with_profile!(kernel, P => darkest_of::<P>(&kernel, cells, mean)),
+    );
+    (0.3 * darkest).max(DARK_FLOOR)
+}
+
+/// The smallest average of the cells over directions of a spiral, in parts of the mean; 1 if none is below it.
+#[inline(always)]
+fn darkest_of<P: Profile>(kernel: &Kernel, cells: &[Cell], mean: [f64; 3]) -> f64 {
+    const DIRECTIONS: usize = 256;
+    let axis = |i: usize| {
         let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
         let (sin, cos) = libm::sincos(i as f64 * 2.399_963_229_728_653);
-        let axis = DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y;
-        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y
+    };
+    let mut darkest = 1.0f64;
+    for first in (0..DIRECTIONS).step_by(LANES) {
+        let axes: [DVec3; LANES] = std::array::from_fn(|i| axis(first + i));
+        let [x, y, z] = [axes.map(|a| a.x), axes.map(|a| a.y), axes.map(|a| a.z)];
+        let (mut sums, mut weights) = ([ZERO; 3], ZERO);
         for cell in cells {
-            let weight = kernel.between(axis, cell.direction);
-            weights += weight * cell.solid_angle;
-            (0..3).for_each(|c| sum[c] += weight * cell.flux[c]);
+            let d = cell.direction;
+            let weight: V = std::array::from_fn(|i| P::at(kernel, x[i] * d.x + y[i] * d.y + z[i] * d.z));
+            weights = add(weights, scale(weight, cell.solid_angle));
+            (0..3).for_each(|c| sums[c] = add(sums[c], scale(weight, cell.flux[c])));
         }
         for c in (0..3).filter(|&c| mean[c] > 0.0) {
-            darkest = darkest.min(sum[c] / (weights * mean[c]));
+            (0..LANES).for_each(|i| darkest = darkest.min(sums[c][i] / (weights[i] * mean[c])));
         }
     }
-    (0.3 * darkest).max(DARK_FLOOR)
+    darkest
 }
 
 /// A part of the map, as one light.

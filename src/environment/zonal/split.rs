@@ -21,9 +21,12 @@ use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// u beyond which Q counts as nothing.
 const CUT: f64 = 22.0;
-/// Points of product rules, and how many extents away the texel must at least be for each: (h/4δ)^2n is below 2e-5.
-const RULES: [(usize, f64); 3] = [(2, 5.0), (3, 2.0), (4, 1.0)];
-/// Points on a part of an edge that is no longer than its distance: (1/4)^12.
+/// Points of product rules; how many extents h away the texel must at least be for each, where (h/4δ)^2n is below 2e-5; and how much e⁻ᵘ
+/// may fall over it: n points on e^(−x) leave x^2n n!⁴/((2n + 1) (2n)!³), 1e-5.
+const RULES: [(usize, f64, f64); N_RULES] =
+    [(2, 5.0, 0.45), (3, 2.0, 1.6), (4, 1.0, 3.4), (6, 1.0, 7.9), (8, 1.0, 12.9)];
+const N_RULES: usize = 5;
+/// Points on a part of an edge that is no longer than its distance, where (1/4)^12 is 6e-8, nor than √w₀.
 const EDGE_POINTS: usize = 6;
 /// Intervals of the table of F.
 const INTERVALS: usize = 1024;
@@ -46,8 +49,10 @@ pub(super) struct Split {
 #[derive(Debug)]
 pub(super) struct Places {
     /// Of each of [`RULES`]: sin θ, cos θ and weight of every row's points, and cos φ, sin φ of every column's.
-    rows: [Vec<[f64; 3]>; 3],
-    columns: [Vec<[f64; 2]>; 3],
+    rows: [Vec<[f64; 3]>; N_RULES],
+    columns: [Vec<[f64; 2]>; N_RULES],
+    /// Weights of the points of each.
+    weights: [Vec<f64>; N_RULES],
     edge: Rule,
 }
 
@@ -152,7 +157,8 @@ impl Split {
                 let (sin_phi, cos_phi) = libm::sincos(dphi * (column as f64 + 0.5) - PI);
                 let centre = DVec3::new(sin * cos_phi, cos, sin * sin_phi);
                 let distance = ((axis - centre).length() - diagonal).max(0.0);
-                let rule = RULES.iter().position(|&(_, extents)| distance >= extents * extent);
+                let fall = (distance + 2.0 * diagonal) * extent / self.w0;
+                let rule = RULES.iter().position(|&(_, extents, most)| distance >= extents * extent && fall <= most);
                 let weight = match rule {
                     Some(rule) => {
                         shared = None;
@@ -162,7 +168,7 @@ impl Split {
                             let (up, across) = (1.0 - axis.y * cos, sin);
                             let mut line = 0.0;
                             let columns = &places.columns[rule][n * column..n * column + n];
-                            for (&[cos_phi, sin_phi], weight) in columns.iter().zip(places.weights(rule)) {
+                            for (&[cos_phi, sin_phi], weight) in columns.iter().zip(&places.weights[rule]) {
                                 let w = up - across * (axis.x * cos_phi + axis.z * sin_phi);
                                 line += weight * self.near(w);
                             }
@@ -227,7 +233,9 @@ impl Split {
             let (middle, _) = at(start + 0.5 * length);
             let chord = speed * length;
             let distance = ((axis - middle).length() - 0.5 * chord).max(0.0);
-            if chord > distance.hypot(width) {
+            // F follows e⁻ᵘ, which falls by at most e⁶·⁶ over √w₀ before it counts for nothing.
+            let near = 0.5 * distance * distance < self.cut() && chord * chord > self.w0;
+            if near || chord > distance.hypot(width) {
                 length *= 0.5;
                 continue;
             }
@@ -248,7 +256,7 @@ impl Places {
     pub fn new(panorama: &Panorama) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let (dtheta, dphi) = (PI / height as f64, TAU / width as f64);
-        let rules = RULES.map(|(n, _)| gauss_legendre(n));
+        let rules = RULES.map(|(n, ..)| gauss_legendre(n));
         let rows = rules.each_ref().map(|rule| {
             let row = |row: usize| {
                 rule.iter().map(move |(t, weight)| {
@@ -267,18 +275,7 @@ impl Places {
             };
             (0..width).flat_map(column).collect()
         });
-        Self { rows, columns, edge: gauss_legendre(EDGE_POINTS) }
-    }
-
-    /// Weights of the points of a product rule on [0, 1].
-    fn weights(&self, rule: usize) -> &'static [f64] {
-        /// Gauss and Legendre's, of two, three and four points.
-        const WEIGHTS: [&[f64]; 3] = [
-            &[0.5, 0.5],
-            &[5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
-            &[0.173_927_422_568_726_93, 0.326_072_577_431_273_07, 0.326_072_577_431_273_07, 0.173_927_422_568_726_93],
-        ];
-        WEIGHTS[rule]
+        Self { rows, columns, weights: rules.map(|rule| rule.weights), edge: gauss_legendre(EDGE_POINTS) }
     }
 }
 
