@@ -7,8 +7,8 @@ mod shader;
 mod table;
 
 pub use environment::{
-    DEFAULT_SAMPLES, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels, is_current,
-    source,
+    DEFAULT_SAMPLES, EngineSh, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels,
+    is_current, source,
 };
 pub(crate) use environment::{IRRADIANCE, precision};
 pub use shader::{combined_shader, shader_of};

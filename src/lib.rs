@@ -9,7 +9,7 @@
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
-//! | 5 | [`check`], [`certificate`] (facts about a file), [`claim`] (what a file is said to hold) |
+//! | 5 | [`engine`] (what each engine reads); [`check`], [`certificate`] (facts about a file), [`claim`] (what a file is said to hold) |
 //! | 6 | [`shader`] (code that looks up what was baked) |
 //! | 7 | [`bake`], [`identify`], [`compare`], [`verify`], [`convert`] |
 //! | 8 | [`report`] (previews) |
@@ -52,6 +52,7 @@ pub mod claim;
 pub mod colour;
 pub mod compare;
 pub mod convert;
+pub mod engine;
 pub mod environment;
 pub mod error;
 pub mod format;

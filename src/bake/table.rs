@@ -86,7 +86,7 @@ fn channels(table: &Table, integration: &Integration) -> Vec<Channel> {
     let errors = table.worst_errors();
     let of = |c: usize| table.values.iter().copied().skip(c).step_by(n);
     let row = |(c, handle): (usize, &Handle)| Channel {
-        quantity: handle.quantity.name.to_owned(),
+        quantity: handle.label(),
         definition: handle.quantity.definition.to_owned(),
         source: handle.quantity.source.to_owned(),
         integrator: integrator(handle).name().to_owned(),
@@ -120,8 +120,8 @@ fn pack(table: &Table, recipe: &TableRecipe) -> Result<(Texture, PackReport)> {
 }
 
 fn names(table: &Table, arrangement: &Arrangement) -> Vec<String> {
-    let names: Vec<&str> = table.spec.channels.iter().map(|c| c.quantity.name).collect();
-    arrangement.names(&names)
+    let labels: Vec<String> = table.spec.channels.iter().map(Handle::label).collect();
+    arrangement.names(&labels.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
 /// A table whose values its format has no room for is no table of them.

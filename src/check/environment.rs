@@ -3,7 +3,7 @@
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, DARK_FLOOR, Kernel, KernelKind, Panorama, View, ViewLobe, area_average};
+use crate::environment::{Cube, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, View, ViewLobe, area_average};
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
@@ -36,6 +36,8 @@ pub struct CubeLevel {
 pub struct EnvironmentValues<'a> {
     /// All cubes.
     pub levels: &'a [CubeLevel],
+    /// Which way the cubes are turned.
+    pub orientation: Orientation,
     /// What packing may have changed. Values that the format has no room for are stored as the nearest that it has.
     pub precision: Precision,
 }
@@ -119,13 +121,14 @@ impl EnvironmentValues<'_> {
             if alpha == 0.0 {
                 let known = average.filter(|average| average.size == level.size);
                 let average = known.map_or_else(|| Cow::Owned(area_average(panorama, level.size)), Cow::Borrowed);
+                let average = self.orientation.apply(&average);
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
                 checks.extend(worst("exact area average at every texel", level, deviations));
                 continue;
             }
             if let Some(view) = level.view {
-                checks.extend(self.against_view(level, view, panorama, seed.wrapping_add(index as u64)));
+                checks.extend(self.against_view(level, view, panorama, &sum, seed.wrapping_add(index as u64)));
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
@@ -133,13 +136,16 @@ impl EnvironmentValues<'_> {
             }
             sum.prepare();
             let kernel = Kernel::of(level.kernel, alpha);
-            let texels = if full { all(level) } else { chosen(level, sum.sun(), seed.wrapping_add(index as u64)) };
+            let turn = |d: DVec3| self.orientation.lookup(d);
+            let texels =
+                if full { all(level) } else { chosen(level, sum.sun(), turn, seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
                 format!("full sum at {} texels", texels.len())
             };
-            let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
+            let truth =
+                |texel: usize| sum.evaluate(self.orientation.world(texel_direction(level.size, texel)), &kernel);
             checks.extend(worst(&name, level, self.compare(level, panorama, texels, truth, false)));
         }
         checks
@@ -171,16 +177,25 @@ impl EnvironmentValues<'_> {
 
     /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the
     /// lobe to [`VIEW_SUM`].
-    fn against_view(&self, level: &CubeLevel, view: View, panorama: &Panorama, seed: u64) -> Option<Check> {
+    fn against_view(
+        &self,
+        level: &CubeLevel,
+        view: View,
+        panorama: &Panorama,
+        sum: &FullSum,
+        seed: u64,
+    ) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let all = chosen(level, panorama, seed);
+        let all = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
-        let sums: Vec<[f64; 3]> =
-            texels.iter().map(|&texel| lobe.sum(panorama, texel_direction(level.size, texel))).collect();
+        let sums: Vec<[f64; 3]> = texels
+            .iter()
+            .map(|&texel| lobe.sum(panorama, self.orientation.world(texel_direction(level.size, texel))))
+            .collect();
         let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
         let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
-        worst(&name, &level.name, self.compare(&known, panorama, texels.clone(), truth, false))
+        worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
@@ -252,7 +267,7 @@ fn all(level: &CubeLevel) -> Vec<usize> {
 
 /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
 /// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, sun: DVec3, seed: u64) -> Vec<usize> {
+fn chosen(level: &CubeLevel, sun: DVec3, turn: impl Fn(DVec3) -> DVec3, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
     let (side, up) = sun.any_orthonormal_pair();
@@ -264,7 +279,7 @@ fn chosen(level: &CubeLevel, sun: DVec3, seed: u64) -> Vec<usize> {
         .into_iter()
         .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
     let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
-    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, d)));
+    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, turn(d))));
     let last = level.size * level.size - 1;
     texels.extend((0..6).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
     texels.sort_unstable();

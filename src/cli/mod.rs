@@ -9,6 +9,7 @@ mod compare;
 mod completions;
 mod console;
 mod convert;
+mod engines;
 mod env;
 mod eval;
 mod foreign;

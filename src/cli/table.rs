@@ -1,6 +1,6 @@
 //! `kiln table`: one table.
 
-use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
+use super::arguments::{EngineArgs, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
@@ -31,6 +31,8 @@ static AFTER_HELP: LazyLock<String> = LazyLock::new(|| {
 pub struct Table {
     /// Which table: see `kiln list tables`
     name: String,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// File to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
@@ -61,26 +63,45 @@ pub struct Table {
 
 impl Table {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let (recipe, folder) = self.recipe()?;
+        let (recipe, folder) = self.recipe(console)?;
         let certificate = bake_table(&recipe, &folder, &self.shader.languages(), console)?;
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
-    fn recipe(&self) -> Result<(TableRecipe, PathBuf)> {
-        let n_channels = match self.channels.len() {
-            0 => named::find(&self.name)?.channels.len(),
-            n => n,
+    fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
+        let preset = match self.engine.engine()? {
+            Some(engine) => Some((engine, engine.table(&self.name)?)),
+            None => None,
         };
-        let format = self.format(n_channels)?;
-        let mut recipe = TableRecipe::named(&self.name, format)?;
+        let mut recipe = match preset {
+            Some((_, table)) => {
+                let recipe = table.recipe(self.engine.as_shipped)?;
+                let own =
+                    self.format.is_none() && self.output.extension().is_some_and(|e| e == recipe.format.extension());
+                let format = if own { recipe.format } else { self.format(recipe.channels.len())? };
+                TableRecipe { format, ..recipe }
+            }
+            None => {
+                let n_channels = match self.channels.len() {
+                    0 => named::find(&self.name)?.channels.len(),
+                    n => n,
+                };
+                TableRecipe::named(&self.name, self.format(n_channels)?)?
+            }
+        };
         if !self.channels.is_empty() {
             recipe.channels.clone_from(&self.channels);
         }
         recipe.axes = self.axes(&recipe.axes)?;
-        recipe.model = self.model.model();
+        recipe.model = self.model.over(recipe.model);
         recipe.at = self.point(&recipe)?;
-        recipe.layout = self.layout;
+        recipe.layout = self.layout.or(recipe.layout);
         recipe.integration = self.integration.over(recipe.integration);
+        if let Some((engine, table)) = preset {
+            for departure in engine.table_departures(table, &recipe, self.engine.as_shipped)? {
+                console.warn(&departure);
+            }
+        }
         let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
             Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")
         })?;

@@ -118,7 +118,7 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
                     (max, worst_at) = (errors[c].abs(), *place);
                 }
             }
-            let channel = spec.channels[c].quantity.name.to_owned();
+            let channel = spec.channels[c].label();
             LookupError { channel, max, rms: (squares / f64::max(n, 1.0)).sqrt(), worst_at }
         })
         .collect())

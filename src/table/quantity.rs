@@ -1,5 +1,6 @@
 //! Quantities: functions of physical parameters, with what is known of each.
 
+use super::transform::Transform;
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Estimate, Integration, Integrator};
 use crate::model::alpha_of_roughness;
@@ -510,7 +511,12 @@ pub static FAMILIES: &[&dyn Family] = &[
 /// Every quantity with its family and its place in it.
 pub fn all() -> impl Iterator<Item = Handle> {
     FAMILIES.iter().flat_map(|family| {
-        family.quantities().iter().enumerate().map(|(index, quantity)| Handle { family: *family, index, quantity })
+        family.quantities().iter().enumerate().map(|(index, quantity)| Handle {
+            family: *family,
+            index,
+            quantity,
+            transform: Transform::default(),
+        })
     })
 }
 
@@ -521,28 +527,50 @@ pub struct Handle {
     pub family: &'static dyn Family,
     /// Its place in that family.
     pub index: usize,
-    /// What is known of it.
+    /// What is known of it, untransformed.
     pub quantity: &'static Quantity,
+    /// What becomes of its value.
+    pub transform: Transform,
 }
 
 impl fmt::Debug for Handle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Handle({})", self.quantity.name)
+        write!(f, "Handle({})", self.label())
     }
 }
 
 impl PartialEq for Handle {
     fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.quantity, other.quantity)
+        std::ptr::eq(self.quantity, other.quantity) && self.transform == other.transform
     }
 }
 
 impl Handle {
+    /// The channel as a user writes it: the quantity's name, and what becomes of its value.
+    pub fn label(&self) -> String {
+        format!("{}{}", self.quantity.name, self.transform)
+    }
+
+    /// The interval that its values never leave.
+    pub fn bounds(&self) -> (f64, f64) {
+        self.transform.interval(self.quantity.bounds)
+    }
+
+    /// How its values change along `parameter`, or the one that it stands for, where they are monotone.
+    pub fn trend(&self, parameter: Parameter) -> Option<Trend> {
+        let trend = self.quantity.trend(parameter)?;
+        Some(match (trend, self.transform.falls()) {
+            (trend, false) => trend,
+            (Trend::Rises, true) => Trend::Falls,
+            (Trend::Falls, true) => Trend::Rises,
+        })
+    }
+
     /// The value at a point by the witness that `integration` chooses.
     ///
     /// **Errors**: a missing parameter; a tolerance that the witness does not reach.
     pub fn evaluate(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Estimate> {
-        let estimate = evaluate_family(self.family, at, model, integration)?[self.index];
+        let estimate = self.transform.estimate(evaluate_family(self.family, at, model, integration)?[self.index]);
         self.reached_at(at, estimate, integration)
     }
 
@@ -556,7 +584,7 @@ impl Handle {
         Err(Error::unsupported(
             format!(
                 "{} at {at} did not reach tolerance {tolerance:e}: the best value is {} with an error of {:e} ({})",
-                self.quantity.name,
+                self.label(),
                 estimate.value,
                 estimate.error,
                 estimate.kind.name()
@@ -611,14 +639,19 @@ pub fn find(name: &str) -> Result<Handle> {
 }
 
 /// The quantity of that name which depends on no more than the parameters that are `given`, or else the first: a lobe can be
-/// isotropic or not, and which one is meant, the parameters say.
+/// isotropic or not, and which one is meant, the parameters say. Steps after the name, such as `burley.albedo:-0.5`, are what becomes
+/// of its value: see [`super::transform`].
 ///
 /// **Errors**: as [`find`].
-pub fn find_among(name: &str, given: impl Fn(Parameter) -> bool) -> Result<Handle> {
+pub fn find_among(text: &str, given: impl Fn(Parameter) -> bool) -> Result<Handle> {
+    let (name, steps) = text.split_once(':').map_or((text, None), |(name, steps)| (name.trim(), Some(steps)));
+    let transform = steps.map_or(Ok(Transform::default()), str::parse)?;
     let named = || all().filter(|h| h.quantity.name == name);
     let known = |h: &Handle| h.quantity.parameters.iter().all(|p| given(*p));
-    named().find(known).or_else(|| named().next()).ok_or_else(|| {
-        let names: Vec<_> = all().map(|h| h.quantity.name).collect();
+    let found = named().find(known).or_else(|| named().next());
+    found.map(|handle| Handle { transform, ..handle }).ok_or_else(|| {
+        let mut names: Vec<_> = all().map(|h| h.quantity.name).collect();
+        names.dedup();
         Error::usage(format!("no quantity is called {name:?}"), near_matches(name, &names, "kiln list quantities"))
     })
 }

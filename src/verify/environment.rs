@@ -1,13 +1,13 @@
 //! Verification of an environment's files.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
+use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
 use crate::environment::{KernelKind, Panorama, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
-use crate::recipe::EnvironmentRecipe;
+use crate::recipe::{EnvironmentRecipe, cube_texel};
 use glam::DVec3;
 use std::path::Path;
 
@@ -25,12 +25,13 @@ pub(super) fn verify(
         Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped, ..Report::default() };
     match content {
         Content::Texture(texture) => {
-            let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
+            let levels = levels(path, texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
-            let precision =
-                precision(recipe.cube_format()?, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
-            let judged = EnvironmentValues { levels: &levels, precision };
+            let is_irradiance = levels[0].name == IRRADIANCE;
+            let format = cube_texel(if is_irradiance { recipe.format_of_irradiance() } else { recipe.format })?;
+            let precision = precision(format, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
+            let judged = EnvironmentValues { levels: &levels, precision, orientation: recipe.orientation };
             report
                 .checks
                 .extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
@@ -42,7 +43,7 @@ pub(super) fn verify(
             let names: Vec<String> =
                 levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
             let kind = match recipe.kernel {
-                _ if levels[0].name == IRRADIANCE => "irradiance E/π".to_owned(),
+                _ if is_irradiance => "irradiance E/π".to_owned(),
                 KernelKind::Nol => "specular chain".to_owned(),
                 other => match recipe.view {
                     Some(view) => {
@@ -92,7 +93,7 @@ pub(super) fn verify(
                 .map_err(|e| Error::invalid(format!("not spherical harmonics: {e}"), "bake it again").in_file(path))?;
             let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
             report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
-            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, p)));
+            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, recipe, p)));
         }
         Content::Picture(_) | Content::Array(_) | Content::Raw(_) => {
             return Err(Error::invalid(
@@ -121,13 +122,24 @@ fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Optio
 }
 
 /// The cubes of a texture, with what the certificate claims of each.
-fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+fn levels(
+    path: &Path,
+    texture: &Texture,
+    certificate: &Certificate,
+    recipe: &EnvironmentRecipe,
+) -> Result<Vec<CubeLevel>> {
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
-    // Which of the two cubes this is, the file says.
-    let claimed = if texture.metadata(certificate::CONTENT_KEY) == Some(IRRADIANCE) { irradiance } else { specular };
+    // Which of the two cubes this is, the file says, or its name where it has no place to say it.
+    let by_name = || path.file_name().and_then(|n| n.to_str()) == recipe.irradiance_name().as_deref();
+    let is_irradiance =
+        texture.metadata(certificate::CONTENT_KEY).map_or_else(by_name, |content| content == IRRADIANCE);
+    let claimed = if is_irradiance { irradiance } else { specular };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
-    if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
+    if texture.faces != 6
+        || texture.levels.len() != claimed.len()
+        || claimed.first().is_none_or(|l| texture.width != l.size)
+    {
         return Err(Error::invalid(
             format!(
                 "{}, where the certificate says a cube chain from {} or {}",
@@ -167,7 +179,7 @@ fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentReci
 const MOST_ERROR: f64 = 0.5;
 
 /// The coefficients, integrated again.
-fn harmonics(sh: &ShFile, panorama: &Panorama) -> Check {
+fn harmonics(sh: &ShFile, recipe: &EnvironmentRecipe, panorama: &Panorama) -> Check {
     let wanted = spherical_harmonics::project(panorama);
     let figure = off(&sh.harmonics.radiance, &wanted.radiance)
         .max(off(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi))
@@ -182,6 +194,14 @@ fn harmonics(sh: &ShFile, panorama: &Panorama) -> Check {
         }
         count += 6 * again.radiance.len();
     }
+    figure = match (&sh.engine, EngineSh::new(recipe, &wanted)) {
+        (Some(found), Some(again)) if found.convention == again.convention => {
+            count += 27;
+            figure.max(off(&found.coefficients, &again.coefficients))
+        }
+        (None, None) => figure,
+        _ => f64::INFINITY,
+    };
     let detail = format!("worst of {count}");
     Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, detail)
 }
