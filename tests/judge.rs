@@ -268,7 +268,7 @@ fn integrated(recipe: &TableRecipe) -> Grid {
 #[test]
 fn every_two_dimensional_named_table_is_recognised_by_its_numbers() {
     for table in TABLES.iter().filter(|t| t.axes.len() == 2 && !SLOW.contains(&t.name)) {
-        let recipe = sized(table.name, FormatSpec::exr(kiln::pack::Number::F32), 12);
+        let recipe = sized(table.name, FormatSpec::exr(kiln::pack::Number::F32), 16);
         let found = found(&integrated(&recipe));
         assert_eq!(quantities(&found), table.channels, "{}: {found:#?}", table.name);
         let wanted: Vec<String> = recipe.axes.iter().map(kiln::table::Axis::brief).collect();

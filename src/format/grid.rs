@@ -635,6 +635,12 @@ fn guess_shape(values: &[f64], n: usize, planar: bool) -> Result<Shape> {
     match rated[..] {
         [(_, only)] => Ok(only),
         [(best, shape), (next, _), ..] if next > CLEARLY_SMOOTHER * best => Ok(shape),
+        // A smooth row looks as smooth when it is taken for several channels: take it for one.
+        [(best, _), ..]
+            if alike(&rated, best).all(|s| s.size[1] == 1) && alike(&rated, best).any(|s| s.channels == 1) =>
+        {
+            Ok(Shape { size: [n, 1, 1], channels: 1 })
+        }
         _ => Err(Error::usage(
             format!("{n} numbers without a shape"),
             format!(
@@ -643,6 +649,11 @@ fn guess_shape(values: &[f64], n: usize, planar: bool) -> Result<Shape> {
             ),
         )),
     }
+}
+
+/// The shapes that are about as smooth as the best.
+fn alike(rated: &[(f64, Shape)], best: f64) -> impl Iterator<Item = &Shape> {
+    rated.iter().filter(move |(roughness, _)| *roughness <= CLEARLY_SMOOTHER * best).map(|(_, shape)| shape)
 }
 
 /// Texels of a table over one axis at most, where nothing says that it is one.
