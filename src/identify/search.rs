@@ -488,9 +488,8 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
         let pivot = a[i][i];
         for j in i + 1..n {
             let factor = a[j][i] / pivot;
-            for k in i..n {
-                a[j][k] -= factor * a[i][k];
-            }
+            let (above, below) = a.split_at_mut(j);
+            below[0][i..].iter_mut().zip(&above[i][i..]).for_each(|(b, a)| *b -= factor * a);
             x[j] -= factor * x[i];
         }
     }
