@@ -128,7 +128,7 @@ impl EnvironmentValues<'_> {
                 continue;
             }
             if let Some(view) = level.view {
-                checks.extend(self.against_view(level, view, panorama, &sum, seed.wrapping_add(index as u64)));
+                checks.extend(self.against_view(level, view, panorama, sum, seed.wrapping_add(index as u64)));
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
