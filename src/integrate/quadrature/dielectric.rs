@@ -81,8 +81,9 @@ fn scattering_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 2] {
     // Where the refracted ray of the facets towards the surface grazes it from below: β_t − β = π/2 − θ_o.
     let grazes = if eta < 1.0 { e_o.sin().atan2(1.0 / eta - e_o.cos()) } else { e_o };
     let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
-    if mu == 0.0 && eta < 1.0 {
-        return [up, 0.0]; // what refracts from along the surface, on the denser side, is bent up from it
+    // What refracts from along the surface, on the denser side, is bent up from it; Beta lets nothing through where Λ is infinite.
+    if mu == 0.0 && (eta < 1.0 || smith == Smith::Beta) {
+        return [up, 0.0];
     }
     let down = view.over_cones(&[e_o, grazes], critical, |cone| view.transmitted(cone));
     [up, down]
@@ -102,9 +103,10 @@ impl View<'_> {
         self.interface.facets.alpha_x
     }
 
-    /// How far beyond the horizon G2 stays as it is, in cosines.
+    /// How far beyond the horizon G2 stays as it is, in cosines: up to its pole at the cosine −mu or, at mu = 0 where it has none,
+    /// to its branch points.
     fn margin(&self) -> f64 {
-        self.alpha().min(self.mu.max(FLATTEST * self.alpha()))
+        if self.mu == 0.0 { self.alpha() } else { self.alpha().min(self.mu.max(FLATTEST * self.alpha())) }
     }
 
     /// ∫ f dβ from 0 to `end`, where a horizon enters or leaves the cones at `seams`, and at `end` something else does.
@@ -168,7 +170,7 @@ impl View<'_> {
         let Some(cos_t) = refracted_cosine(cone.cos, eta) else { return 0.0 };
         let k = cone.cos / eta - cos_t;
         // cos(β_t − d)
-        let first = cos_t * cone.cos_d + cone.sin / eta * cone.sin_d;
+        let first = if eta == 1.0 { self.mu } else { cos_t * cone.cos_d + cone.sin / eta * cone.sin_d };
         let slope = 2.0 * k * cone.b;
         let facing = cone.cos_d / (2.0 * cone.b);
         let smith = self.interface.facets.smith;
@@ -183,6 +185,8 @@ impl View<'_> {
         let cosine = |y: f64| (first + slope * y).clamp(0.0, 1.0); // outside by rounding only
         let (mu, l) = (self.mu, self.l);
         let through = match smith {
+            // The limit, up to the horizon: there both cosines are 0.
+            Smith::Correlated if mu == 0.0 => self.over_azimuth(cone, start, end, |_| 2.0 / l),
             Smith::Correlated => self.over_azimuth(cone, start, end, |y| {
                 let mu_t = cosine(y);
                 2.0 * mu_t / (mu_t * l + mu * self.l_of(mu_t))
