@@ -124,13 +124,21 @@ impl View<'_> {
             a.1 |= same && b.1;
             same
         });
+        // Beyond the critical angle, on the other sheet of its root, stands the pole of r∥: at cosβ_t = −η cosβ.
+        let eta = self.interface.eta;
+        let pole = if end == eta.asin() {
+            eta.powi(3) / (2.0 * ((1.0 - eta) * (1.0 + eta)).sqrt() * (1.0 + eta * eta))
+        } else {
+            FAR
+        };
         let width = 0.5 * self.alpha();
         let smallest = if self.interface.facets.smith == Smith::Beta { SEAM } else { 0.0 };
         let mut sum = 0.0;
         for (i, panel) in ends.windows(2).enumerate() {
             let half = 0.5 * (panel[1].0 - panel[0].0);
-            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { FAR };
-            let after = ends.get(i + 2).map_or(FAR, |e| e.0 - panel[1].0);
+            // Below β = 0 everything is mirrored.
+            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { panel[1].0 };
+            let after = ends.get(i + 2).map_or(pole, |e| e.0 - panel[1].0);
             for ((from, root), sign, beyond) in [(panel[0], 1.0, before), (panel[1], -1.0, after)] {
                 let near = width.hypot(from - self.theta_o).min(beyond).min(0.5 * self.margin()) / half;
                 let scale = if root { near.sqrt().max(smallest) } else { near };
