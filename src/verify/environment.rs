@@ -24,7 +24,7 @@ pub(super) fn verify(
     let mut report = Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped };
     match content {
         Content::Texture(texture) => {
-            let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
+            let levels = levels(path, texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
             let precision =
@@ -111,11 +111,17 @@ fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Optio
 }
 
 /// The cubes of a texture, with what the certificate claims of each.
-fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+fn levels(
+    path: &Path,
+    texture: &Texture,
+    certificate: &Certificate,
+    recipe: &EnvironmentRecipe,
+) -> Result<Vec<CubeLevel>> {
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
-    // Which of the two cubes this is, the file says.
-    let claimed = if texture.metadata(certificate::CONTENT_KEY) == Some(IRRADIANCE) { irradiance } else { specular };
+    // Which of the two cubes this is, the file says, or its name where it has no place for that.
+    let content = texture.metadata(certificate::CONTENT_KEY).or(path.file_stem().and_then(|name| name.to_str()));
+    let claimed = if content == Some(IRRADIANCE) { irradiance } else { specular };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
     if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
         return Err(Error::invalid(
