@@ -5,12 +5,20 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod compare;
+mod completions;
 mod console;
 mod convert;
+mod engines;
 mod env;
 mod eval;
+mod foreign;
+mod furnace;
+mod identify;
 mod info;
 mod list;
+mod man;
+mod shader;
 mod show;
 mod table;
 mod verify;
@@ -50,10 +58,15 @@ enum Verb {
     Env(env::Env),
     Eval(eval::Eval),
     Verify(verify::Verify),
+    Identify(identify::Identify),
+    Compare(compare::Compare),
     Info(info::Info),
     Show(show::Show),
+    Shader(shader::Shader),
     Convert(convert::Convert),
     List(list::List),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 /// Parses the arguments, does what they say, and reports.
@@ -76,10 +89,15 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Env(verb) => verb.run(console),
         Verb::Eval(verb) => verb.run(console),
         Verb::Verify(verb) => verb.run(console),
+        Verb::Identify(verb) => verb.run(console),
+        Verb::Compare(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Shader(verb) => verb.run(console),
         Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
+        Verb::Completions(verb) => verb.run(console),
+        Verb::Man(verb) => verb.run(console),
     }
 }
 

@@ -1,10 +1,11 @@
 //! `kiln table`: one table.
 
-use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
+use super::arguments::{EngineArgs, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
 use kiln::format::{Container, FormatSpec};
+use kiln::language::Language;
 use kiln::math::warp::Warp;
 use kiln::pack::{PackReport, TexelFormat};
 use kiln::recipe::TableRecipe;
@@ -30,6 +31,8 @@ static AFTER_HELP: LazyLock<String> = LazyLock::new(|| {
 pub struct Table {
     /// Which table: see `kiln list tables`
     name: String,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// File to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
@@ -54,30 +57,51 @@ pub struct Table {
     parameters: ParameterArgs,
     #[command(flatten)]
     integration: IntegrationArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 impl Table {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let (recipe, folder) = self.recipe()?;
-        let certificate = bake_table(&recipe, &folder, console)?;
+        let (recipe, folder) = self.recipe(console)?;
+        let certificate = bake_table(&recipe, &folder, &self.shader.languages(), console)?;
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
-    fn recipe(&self) -> Result<(TableRecipe, PathBuf)> {
-        let n_channels = match self.channels.len() {
-            0 => named::find(&self.name)?.channels.len(),
-            n => n,
+    fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
+        let preset = match self.engine.engine()? {
+            Some(engine) => Some((engine, engine.table(&self.name)?)),
+            None => None,
         };
-        let format = self.format(n_channels)?;
-        let mut recipe = TableRecipe::named(&self.name, format)?;
+        let mut recipe = match preset {
+            Some((_, table)) => {
+                let recipe = table.recipe(self.engine.as_shipped)?;
+                let own =
+                    self.format.is_none() && self.output.extension().is_some_and(|e| e == recipe.format.extension());
+                let format = if own { recipe.format } else { self.format(recipe.channels.len())? };
+                TableRecipe { format, ..recipe }
+            }
+            None => {
+                let n_channels = match self.channels.len() {
+                    0 => named::find(&self.name)?.channels.len(),
+                    n => n,
+                };
+                TableRecipe::named(&self.name, self.format(n_channels)?)?
+            }
+        };
         if !self.channels.is_empty() {
             recipe.channels.clone_from(&self.channels);
         }
         recipe.axes = self.axes(&recipe.axes)?;
-        recipe.model = self.model.model();
+        recipe.model = self.model.over(recipe.model);
         recipe.at = self.point(&recipe)?;
-        recipe.layout = self.layout;
+        recipe.layout = self.layout.or(recipe.layout);
         recipe.integration = self.integration.over(recipe.integration);
+        if let Some((engine, table)) = preset {
+            for departure in engine.table_departures(table, &recipe, self.engine.as_shipped)? {
+                console.warn(&departure);
+            }
+        }
         let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
             Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")
         })?;
@@ -157,14 +181,20 @@ fn parse_size(text: &str) -> Result<Vec<usize>> {
         .collect()
 }
 
-/// Bakes a table below `folder`, and says what became of it.
-pub fn bake_table(recipe: &TableRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes a table below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_table(
+    recipe: &TableRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     let spec = recipe.spec()?;
     spec.check()?;
     let bar = console.progress(spec.len() as u64, &recipe.file);
     let baked = kiln::bake::table(recipe, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     let paths = baked.write(folder)?;
     report(console, &baked.certificate, recipe.texel_format()?, &paths);
     Ok(baked.certificate)

@@ -43,7 +43,7 @@ pub(super) fn verify(
         fixed,
         recipe.model.smith.name()
     );
-    Ok(Report { file: path.to_owned(), claim, checks, skipped: vec![] })
+    Ok(Report { file: path.to_owned(), claim, checks, skipped: vec![], ..Report::default() })
 }
 
 /// The errors that the certificate claims; never more than the recipe's tolerance allows, whatever the certificate says.
@@ -53,7 +53,7 @@ fn claimed_errors(certificate: &Certificate, spec: &TableSpec, integration: &Int
         None => integration.tolerance_of(c.is_monte_carlo(integration)),
     };
     let claim = |name: &str| certificate.channels.iter().find(|c| c.quantity == name).map_or(0.0, |c| c.max_error);
-    spec.channels.iter().map(|c| claim(c.quantity.name).min(most(c))).collect()
+    spec.channels.iter().map(|c| claim(&c.label()).min(most(c))).collect()
 }
 
 /// The values of the claimed channels, channel fastest.
@@ -82,7 +82,8 @@ fn texels(content: &Content, spec: &TableSpec, recipe: &TableRecipe) -> Result<V
                     )
                 })
             };
-            let names: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
+            let labels: Vec<String> = spec.channels.iter().map(Handle::label).collect();
+            let names: Vec<&str> = labels.iter().map(String::as_str).collect();
             // Only an OpenEXR has the names; elsewhere channels stand in their order.
             let order: Vec<usize> = if recipe.format.container() == Container::Exr {
                 arrangement.names(&names).iter().map(index).collect::<Result<_>>()?
