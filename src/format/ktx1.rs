@@ -168,6 +168,9 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
     }
     let stored = format_of(word(1), word(4))?;
     let [width, height, depth, array_layers, faces] = [6, 7, 8, 9, 10].map(|i| word(i) as usize);
+    if width == 0 {
+        return Err(broken("has no width"));
+    }
     if height == 0 {
         return Err(Error::unsupported("a one-dimensional KTX", "export it again with a height of 1"));
     }
