@@ -1,6 +1,6 @@
 //! What a file is, by its first bytes.
 
-use super::{dds, env, exr, hdr, ktx1, ktx2, npy, source};
+use super::{dds, env, exr, hdr, ktx2, npy, source};
 
 /// What a file seems to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,9 +34,9 @@ const OURS: [(&[u8], FileKind); 9] = [
     (&exr::MAGIC, FileKind::Exr),
     (hdr::MAGIC, FileKind::Hdr),
     (&ktx2::MAGIC, FileKind::Ktx2),
-    (&ktx1::MAGIC, FileKind::Ktx1),
+    (b"\xabKTX 11\xbb", FileKind::Ktx1),
     (dds::MAGIC, FileKind::Dds),
-    (b"\x89PNG\r\n\x1a\n", FileKind::Png),
+    (b"\x89PNG", FileKind::Png),
     (&env::MAGIC, FileKind::Env),
     (npy::MAGIC, FileKind::Npy),
     (source::MAGIC.as_bytes(), FileKind::Source),
