@@ -41,7 +41,7 @@ fn axis(direction: DVec3) -> usize {
 
 /// Colour of an axis: red, green and blue for X, Y and Z; darker on the negative side.
 fn colour(axis: usize) -> [f64; 3] {
-    let strength = if axis % 2 == 0 { 1.0 } else { 0.4 };
+    let strength = if axis.is_multiple_of(2) { 1.0 } else { 0.4 };
     let mut colour = [0.02; 3];
     colour[axis / 2] = strength;
     colour
@@ -129,12 +129,11 @@ mod tests {
 
     #[test]
     fn every_wall_reads_the_right_way_round_for_a_viewer_inside() {
-        for face in 0..6 {
+        for (face, name) in FACES.into_iter().enumerate() {
             let wall = Wall::of(face);
             // A right-handed viewer: right × up points back at the eye.
-            assert_eq!(wall.right.cross(wall.up), -wall.towards, "{}", FACES[face]);
+            assert_eq!(wall.right.cross(wall.up), -wall.towards, "{name}");
             // The letter, read dot by dot from left to right and from top to bottom, is the font's.
-            let name = FACES[face];
             for (place, byte) in name.bytes().enumerate() {
                 for (row, bits) in letter(byte).into_iter().enumerate() {
                     for column in 0..5 {
@@ -151,12 +150,12 @@ mod tests {
 
     #[test]
     fn the_arrows_point_along_the_axes_that_they_name() {
-        for face in 0..6 {
+        for (face, name) in FACES.into_iter().enumerate() {
             let wall = Wall::of(face);
             let tip = wall.towards + 0.45 * wall.right - 0.55 * wall.up;
-            assert_eq!(radiance(tip.normalize()), colour(axis(wall.right)), "{}: to the right", FACES[face]);
+            assert_eq!(radiance(tip.normalize()), colour(axis(wall.right)), "{name}: to the right");
             let tip = wall.towards - 0.72 * wall.right + 0.45 * wall.up;
-            assert_eq!(radiance(tip.normalize()), colour(axis(wall.up)), "{}: upwards", FACES[face]);
+            assert_eq!(radiance(tip.normalize()), colour(axis(wall.up)), "{name}: upwards");
         }
         // What is to the right on one wall is the next wall.
         assert_eq!(FACES[axis(Wall::of(5).right)], "+X");
