@@ -93,9 +93,8 @@ fn by_samples(spec: &TableSpec) -> Vec<(f64, f64)> {
 }
 
 #[test]
-#[ignore = "fails: 11 of 11,551 values stay undecided at 17 and 7 texels a side; which tables they are in is not yet known"]
 fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() {
-    let (mut undecided, mut total) = (0, 0);
+    let (mut undecided, mut total, mut found) = (0, 0, vec![]);
     for table in TABLES.iter().filter(|table| table.name != "ggx-albedo-anisotropic") {
         let mut recipe = small(table.name, if table.axes.len() == 3 { 7 } else { 16 }, Settings::default());
         recipe.format = FormatSpec::exr(Number::F16);
@@ -106,10 +105,13 @@ fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() 
         let format = recipe.texel_format().expect("a format");
         let rounding = rounding::decide(&mut baked, format, &integration).expect("it was baked before");
         assert_eq!(rounding.certified + rounding.undecided, baked.values.len() as u64, "{}", table.name);
+        if rounding.undecided > 0 {
+            found.push(format!("{} of {}", rounding.undecided, table.name));
+        }
         undecided += rounding.undecided;
         total += rounding.certified + rounding.undecided;
     }
-    assert!(total > 10_000 && undecided * 10_000 <= total, "{undecided} of {total}");
+    assert!(total > 10_000 && undecided * 10_000 <= total, "{undecided} of {total}: {}", found.join(", "));
 }
 
 #[test]

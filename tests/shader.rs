@@ -5,6 +5,7 @@
 mod support;
 
 use kiln::certificate::Certificate;
+use kiln::environment::spherical_harmonics::SphericalHarmonics;
 use kiln::format::{Decoded, decode};
 use kiln::integrate::{Integration, Settings};
 use kiln::language::Language;
@@ -17,6 +18,7 @@ use kiln::table::{Axis, Point, TableSpec, quantity};
 use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
+use std::sync::LazyLock;
 use support::bilinear::sample;
 use support::f32_error::{ULP, evaluate};
 use support::samples::Random;
@@ -99,13 +101,17 @@ fn chains() -> Vec<Vec<f64>> {
     vec![vec![0.0, 0.25, 0.5, 0.75, 1.0], quadratic, vec![0.1, 0.2, 0.6, 0.9], vec![0.0, 0.5, 0.5, 1.0], vec![0.5]]
 }
 
+/// The coefficients of an environment, computed once.
+static SH: LazyLock<SphericalHarmonics> = LazyLock::new(|| {
+    let panorama = kiln::environment::builtin("gradient", 64).unwrap();
+    kiln::environment::spherical_harmonics::project(&panorama)
+});
+
 fn chain_shader(name: &str, roughness: &[f64]) -> Shader {
     let environment =
         EnvironmentRecipe { roughness: Some(roughness.to_vec()), ..EnvironmentRecipe::new("builtin:sky") };
-    let panorama = kiln::environment::load("builtin:gradient", &environment.reading()).unwrap().0;
-    let sh = kiln::environment::spherical_harmonics::project(&panorama);
     let certificate = Certificate { environment: Some(environment), ..Certificate::new() };
-    Shader::of_environment(name, &certificate, Some(&sh)).unwrap()
+    Shader::of_environment(name, &certificate, Some(&SH)).unwrap()
 }
 
 fn all_code(language: Language) -> String {
@@ -655,9 +661,7 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
             );
         }
         let case = &cases[2 * i + 1];
-        let environment = EnvironmentRecipe::new("builtin:gradient");
-        let panorama = kiln::environment::load("builtin:gradient", &environment.reading()).unwrap().0;
-        let sh = kiln::environment::spherical_harmonics::project(&panorama).irradiance_over_pi_nonnegative;
+        let sh = SH.irradiance_over_pi_nonnegative;
         let scale: f64 = sh.as_flattened().iter().map(|c| c.abs()).sum();
         for (point, found) in case.points.iter().zip(&found[&case.name]) {
             let [x, y, z, _] = point.map(f64::from);

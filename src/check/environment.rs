@@ -128,7 +128,7 @@ impl EnvironmentValues<'_> {
                 continue;
             }
             if let Some(view) = level.view {
-                checks.extend(self.against_view(level, view, panorama, seed.wrapping_add(index as u64)));
+                checks.extend(self.against_view(level, view, panorama, sum, seed.wrapping_add(index as u64)));
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
@@ -177,11 +177,16 @@ impl EnvironmentValues<'_> {
 
     /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the
     /// lobe to [`VIEW_SUM`].
-    fn against_view(&self, level: &CubeLevel, view: View, panorama: &Panorama, seed: u64) -> Option<Check> {
+    fn against_view(
+        &self,
+        level: &CubeLevel,
+        view: View,
+        panorama: &Panorama,
+        sum: &FullSum,
+        seed: u64,
+    ) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let (column, row, _) = panorama.peak();
-        let sun = panorama.texel_box(column, row).middle();
-        let all = chosen(level, sun, |d| self.orientation.lookup(d), seed);
+        let all = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
         let sums: Vec<[f64; 3]> = texels

@@ -132,7 +132,7 @@ impl Cells {
         // Weights are 192 bytes a texel over side²: never more than the panorama itself for large ones.
         let side = match width.max(2 * height) {
             ..=2048 => 8,
-            ..=8192 => 16,
+            2049..=8192 => 16,
             _ => 32,
         };
         if width < LEAST_WIDTH || height < 2 * side {

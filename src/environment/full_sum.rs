@@ -4,7 +4,7 @@
 //! direction is a smooth function of θ at the poles). How many points: the kernel has its complex
 //! singularities at an angular distance δ from a box (GGX: √(4α²/(1−α²) + distance²); its cosine, like
 //! sin θ, varies over one radian, so that δ counts as 1 at most; other kernels have other δ), and n points on a box of extent h leave an
-//! error of about (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's horizon crosses a box, each line of
+//! error of about (h/4δ)^2n; a box too close for the largest rule is cut in two or four. Where the lobe's horizon crosses a box, each line of
 //! constant θ is cut exactly where c = 0. What is far from all that is summed by cells of many texels (`cells`), to fewer than 1e-7.
 
 use std::f64::consts::{PI, TAU};
@@ -260,6 +260,10 @@ impl<'a> FullSum<'a> {
         let mut mend = |part: Range<usize>| {
             for (i, weight) in part.clone().zip(&mut weights[part]) {
                 let column = columns.start + i;
+                let c = up + sin * first[i];
+                if c + slack <= near_from && c.abs() - slack >= belt {
+                    continue;
+                }
                 let phi = TAU * column as f64 / width as f64 - PI;
                 // (Between the points of the column: its centre, to a relative dφ²/8.)
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
@@ -336,10 +340,14 @@ impl<'a> FullSum<'a> {
             }
             Some(rule) => product_above(patch, lobe, &self.rules[rule]),
             None => {
+                // The longer side, or both: at a pole, where boxes are slivers, halving azimuths would double their number for nothing.
                 let halves = |[low, high]: [f64; 2], middle: f64| [[low, middle], [middle, high]];
+                let (down, across) = (theta.1, widest * phi.1);
                 let mut sum = 0.0;
-                for theta in halves(patch.theta, theta.0) {
-                    for phi in halves(patch.phi, phi.0) {
+                for theta in halves(patch.theta, theta.0).into_iter().take(if across > 2.0 * down { 1 } else { 2 }) {
+                    let theta = if across > 2.0 * down { patch.theta } else { theta };
+                    for phi in halves(patch.phi, phi.0).into_iter().take(if down > 2.0 * across { 1 } else { 2 }) {
+                        let phi = if down > 2.0 * across { patch.phi } else { phi };
                         sum += self.patch(Patch { phi, theta }, lobe);
                     }
                 }

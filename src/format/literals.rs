@@ -333,8 +333,8 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
             at += 1;
         } else if rest.starts_with("//") || (byte == b'#' && !rest.starts_with("#[")) {
             at += rest.find('\n').unwrap_or(rest.len());
-        } else if rest.starts_with("/*") {
-            at += rest[2..].find("*/").map_or(rest.len(), |end| end + 4);
+        } else if let Some(comment) = rest.strip_prefix("/*") {
+            at += comment.find("*/").map_or(rest.len(), |end| end + 4);
         } else if matches!(byte, b'"' | b'`') {
             let end = string_end(&bytes[at..]);
             tokens.push(Token::Text(text.get(at + 1..at + end - 1).unwrap_or_default()));

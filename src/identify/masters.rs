@@ -75,7 +75,8 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
     let plain = Model::default();
     let smith = |smith| Model { smith, ..plain };
     let visibility = |visibility| Model { visibility, ..plain };
-    let mut list: Vec<(&str, Vec<Axis>, &[(P, f64)], Model)> = vec![];
+    type Row = (&'static str, Vec<Axis>, &'static [(Parameter, f64)], Model);
+    let mut list: Vec<Row> = vec![];
     match n_axes {
         1 => {
             for s in Smith::ALL {

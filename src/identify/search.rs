@@ -216,7 +216,7 @@ fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: 
 }
 
 /// Indices along each dimension while everything is tried.
-const COARSE: [usize; 3] = [24, 11, 6];
+const COARSE: [usize; 3] = [24, 9, 6];
 /// Indices along each dimension while the best are fitted.
 const FINE: [usize; 3] = [128, 24, 10];
 /// What interpolation between a master's nodes is off by: residuals below it decide nothing.
@@ -332,7 +332,8 @@ fn try_all(
     channels: &[Data],
 ) -> Vec<(usize, f64, Hypothesis)> {
     let nodes = &master.definition.nodes;
-    let both = sizes.len() < 3;
+    // Half a texel is found by fitting, unless texels are few.
+    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
     let per_dimension: Vec<Vec<Ramp>> =
         varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both)).collect();
     let mut combinations: Vec<Vec<Ramp>> = vec![vec![]];
@@ -487,9 +488,8 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
         let pivot = a[i][i];
         for j in i + 1..n {
             let factor = a[j][i] / pivot;
-            for k in i..n {
-                a[j][k] -= factor * a[i][k];
-            }
+            let (above, below) = a.split_at_mut(j);
+            below[0][i..].iter_mut().zip(&above[i][i..]).for_each(|(b, a)| *b -= factor * a);
             x[j] -= factor * x[i];
         }
     }

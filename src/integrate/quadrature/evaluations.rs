@@ -76,7 +76,9 @@ fn averages_take_boundedly_many_evaluations_where_the_surface_is_polished() {
             .flat_map(|alpha| ETAS.map(|eta| (format!("alpha {alpha:e} eta {eta}"), glass(alpha, eta))));
         bounded(&format!("average of glass, {}", smith.name()), 3, glass(0.3, 1.5), scanned);
     }
-    let families: [(&str, i32, &dyn Fn(f64)); 3] = [
+    /// Name, dimensions, what computes it at an alpha.
+    type Average<'a> = (&'a str, i32, &'a dyn Fn(f64));
+    let families: [Average; 3] = [
         ("GGX", 2, &|alpha| {
             ggx_albedo_average(alpha, Smith::Correlated, TOLERANCE);
         }),
