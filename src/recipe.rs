@@ -4,7 +4,7 @@
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
 use crate::colour::TargetColour;
-use crate::environment::{Adjustment, ChainSpec, InputLayout, Negatives, NonFinite, Reading};
+use crate::environment::{Adjustment, ChainSpec, Fit, InputLayout, Negatives, NonFinite, Reading};
 use crate::error::{Error, Result};
 use crate::format::FormatSpec;
 use crate::integrate::Settings;
@@ -94,6 +94,9 @@ pub struct EnvironmentRecipe {
     /// What becomes of values below zero.
     #[serde(default)]
     pub negatives: Negatives,
+    /// What texels are chosen for: their centres, or the lookup between them.
+    #[serde(default, skip_serializing_if = "Fit::is_none")]
+    pub fit: Fit,
     /// What is done to the panorama before it is filtered.
     #[serde(default)]
     pub adjust: Adjustment,
@@ -275,6 +278,7 @@ impl EnvironmentRecipe {
             format: default_cube_format(),
             nonfinite: NonFinite::default(),
             negatives: Negatives::default(),
+            fit: Fit::default(),
             adjust: Adjustment::default(),
             integration: Settings::default(),
         }

@@ -5,7 +5,7 @@ use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, InputReport, Panorama, Sun, Unit, load};
+use crate::environment::{Adjusted, Cube, CubeLookup, InputReport, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, ktx2};
 use crate::integrate::{ErrorKind, Integrator};
@@ -81,6 +81,8 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
             Integrator::Auto => Integrator::Zonal,
             chosen => chosen,
         },
+        fit: recipe.fit,
+        probe: true,
     }
 }
 
@@ -128,7 +130,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let Source { panorama, adjusted, .. } = source;
     let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
     let (specular, irradiance) = filter(recipe, panorama, progress)?;
-    let (bytes_of_levels, packing, values) = pack(&specular, &irradiance, format.number);
+    let (bytes_of_levels, packing, values, lookups) = pack(&specular, &irradiance, format.number);
     let judged = EnvironmentValues { levels: &values, ulp: ulp(format.number), largest: largest(format.number) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
@@ -145,7 +147,9 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         environment: Some(recipe.clone()),
         input: Some(input(source)),
         files: names.clone().zip(digests).map(|(f, digest)| FileDigest { file: f.to_owned(), digest }).collect(),
-        levels: values.iter().zip(specular.iter().chain([&irradiance])).map(|(v, (_, r))| level(&v.name, r)).collect(),
+        levels: (values.iter().zip(lookups).zip(specular.iter().chain([&irradiance])))
+            .map(|((v, lookup), (_, r))| Level { lookup, ..level(&v.name, r) })
+            .collect(),
         sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
         checks,
         packing,
@@ -205,26 +209,37 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
     }
 }
 
-/// The packed levels, the irradiance cube last; what packing changed; what a reader will see.
-fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>) {
-    let (mut all, mut report, mut values) = (vec![], PackReport::default(), vec![]);
+/// Packed levels, what packing changed, what a reader will see of texels, and what a shader will see between them.
+type Packed = (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>, Vec<Option<CubeLookup>>);
+
+/// Packs the levels, the irradiance cube last.
+fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> Packed {
+    let (mut all, mut report, mut values, mut lookups) = (vec![], PackReport::default(), vec![], vec![]);
     let named = specular.iter().enumerate().map(|(m, level)| (format!("specular {m}"), level));
     for (name, (cube, found)) in named.chain([(IRRADIANCE.to_owned(), irradiance)]) {
         let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
         let (bytes, packed) = number.pack(&rgba);
         let texels = number.unpack(&bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2]]).collect();
+        let stored = Cube { size: cube.size, texels };
+        let lookup = found.probe.as_ref().map(|probe| probe.judge(&stored));
         report = report.merge(packed);
         values.push(CubeLevel {
             name,
             size: cube.size,
             roughness: found.roughness,
-            texels,
+            texels: stored.texels,
+            fitted: lookup.clone().filter(|_| is_fitted(found)),
             max_error: found.max_error,
             rms_error: found.rms_error,
         });
+        lookups.push(lookup);
         all.push(bytes);
     }
-    (all, report, values)
+    (all, report, values, lookups)
+}
+
+fn is_fitted(level: &LevelReport) -> bool {
+    level.fit.as_ref().is_some_and(|fit| fit.kept)
 }
 
 pub(crate) fn ulp(number: Number) -> fn(f64) -> f64 {
@@ -283,6 +298,8 @@ fn level(name: &str, report: &LevelReport) -> Level {
         truncation_bound: report.truncation_bound,
         mean: report.mean,
         mean_drift: report.mean_deviation,
+        lookup: None,
+        fit: report.fit.clone(),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, DARK_FLOOR, Kernel, Panorama, area_average};
+use crate::environment::{Cube, CubeLookup, DARK_FLOOR, Kernel, Panorama, area_average};
 use crate::model::alpha_of_roughness;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,6 +19,8 @@ pub struct CubeLevel {
     pub roughness: f64,
     /// Six faces, rows, texels.
     pub texels: Vec<[f32; 3]>,
+    /// The claimed lookup error of a level whose texels are chosen for the lookup: it is judged by that, not texel by texel.
+    pub fitted: Option<CubeLookup>,
     /// Largest standard error (or bound, for a deterministic level) in parts of max(value, 1e-3 × the channel's mean).
     pub max_error: f64,
     /// Root mean square of the same.
@@ -111,6 +113,10 @@ impl EnvironmentValues<'_> {
                 checks.push(mean_check(level, panorama));
             }
             let kernel = Kernel::new(alpha);
+            if let Some(claimed) = &level.fitted {
+                checks.extend(lookup_checks(level, panorama, &sum, &kernel, claimed, seed.wrapping_add(index as u64)));
+                continue;
+            }
             let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
             let name = if full {
                 "full sum at every texel".to_owned()
@@ -147,6 +153,53 @@ impl EnvironmentValues<'_> {
             })
             .collect()
     }
+}
+
+/// What a point between those that were looked at may be off by, in parts of the largest that was seen.
+const BETWEEN: f64 = 2.0;
+/// Directions that the full sum is asked for of a fitted level.
+const LOOKUPS: usize = 192;
+
+/// A fitted level against the full sum, through the filtering that it is made for: towards texels' centres, where fitted texels are off
+/// most, and anywhere between.
+fn lookup_checks(
+    level: &CubeLevel,
+    panorama: &Panorama,
+    sum: &FullSum,
+    kernel: &Kernel,
+    claimed: &CubeLookup,
+    seed: u64,
+) -> Vec<Check> {
+    let cube = Cube { size: level.size, texels: level.texels.clone() };
+    let mean = panorama.mean();
+    let n = level.texels.len() as f64;
+    let centres = chosen(level, panorama, seed);
+    let anywhere = weyl(seed, LOOKUPS).map(|a| {
+        // A spiral of even density over the sphere, from a start that the seed names.
+        let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);
+        let (sin, cos) = (turn.fract() * std::f64::consts::TAU).sin_cos();
+        let across = (1.0 - y * y).max(0.0).sqrt();
+        DVec3::new(across * cos, y, across * sin)
+    });
+    let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| texel_direction(level.size, t))).collect();
+    let errors: Vec<f64> = directions
+        .par_iter()
+        .map(|&direction| {
+            let (wanted, seen) = (sum.evaluate(direction, kernel), cube.filtered(direction));
+            (0..3)
+                .map(|c| {
+                    let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
+                    let off = if seen[c] == wanted[c] { 0.0 } else { (seen[c] - wanted[c]).abs() / scale };
+                    if off.is_nan() { f64::INFINITY } else { off }
+                })
+                .fold(0.0, f64::max)
+        })
+        .collect();
+    let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+    let [x, y, z] = directions[worst].to_array();
+    let detail = format!("worst of {} towards ({x:.3}, {y:.3}, {z:.3})", errors.len());
+    let name = "full sum through bilinear filtering, relative";
+    vec![Check::at_most(name, &level.name, errors[worst], BETWEEN * claimed.max, detail)]
 }
 
 /// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to

@@ -4,10 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::area_average::area_average;
 use super::cube::Cube;
+use super::fit::{CubeFit, Fit, fit};
 use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
 use super::panorama::Panorama;
+use super::seamless::Probe;
 use super::zonal::{InstructionSet, Zonal};
 use crate::error::{Error, Result};
 use crate::integrate::Integrator;
@@ -26,6 +28,12 @@ pub struct ChainSpec {
     pub seed: u64,
     /// What filters; `auto` is the zonal filter.
     pub integrator: Integrator,
+    /// What texels are chosen for; level 0 of a mirror is not fitted, nor is a level whose kernel is too narrow for harmonics.
+    #[serde(default)]
+    pub fit: Fit,
+    /// Whether every level gets a probe of its lookup error.
+    #[serde(default)]
+    pub probe: bool,
 }
 
 /// Levels from the sharpest to the roughest, and what is known about each.
@@ -65,6 +73,13 @@ pub struct LevelReport {
     /// The largest |mean of the level / mean of the input − 1| over the channels. Texel centres do not sum to the flux
     /// exactly (up to a few 1e-3 beside a lone sun), even when every one of them is exact.
     pub mean_deviation: f64,
+    /// What to judge the level by as a shader sees it, if that was asked for. There is none for a mirror, whose truth is a picture of
+    /// boxes that no blend follows, and none where only a sum over all texels knows the truth.
+    #[serde(skip)]
+    pub probe: Option<Probe>,
+    /// What fitting did, if that was asked for and could be done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fit: Option<CubeFit>,
 }
 
 /// Relative errors are taken relative to at least this part of the panorama's mean.
@@ -89,7 +104,7 @@ impl ChainSpec {
             .count();
         let last = (levels - 1).max(1) as f64;
         let roughness = (0..levels).map(|level| level as f64 / last).collect();
-        Self { size, roughness, samples: 4096, seed: 0, integrator: Integrator::default() }
+        Self { size, roughness, samples: 4096, seed: 0, integrator: Integrator::default(), fit: Fit::None, probe: false }
     }
 
     /// Texels along an edge of a level.
@@ -165,7 +180,12 @@ pub(super) fn check_irradiance(size: usize) -> Result<()> {
 pub(super) struct Filter<'a> {
     panorama: &'a Panorama,
     samples: usize,
+    seed: u64,
     witness: Witness<'a>,
+    /// What knows the filtered function everywhere, for the lookup; the witness itself if that is the zonal filter.
+    truth: Option<Zonal<'a>>,
+    fit: Fit,
+    probe: bool,
 }
 
 enum Witness<'a> {
@@ -177,18 +197,22 @@ enum Witness<'a> {
 impl<'a> Filter<'a> {
     /// A filter for levels of these roughnesses.
     pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec, roughness: &[f64]) -> Self {
+        let zonal = || {
+            let mut alphas: Vec<f64> = roughness.iter().map(|&r| alpha_of_roughness(r)).collect();
+            alphas.sort_by(f64::total_cmp);
+            alphas.dedup();
+            let kernels: Vec<Kernel> = alphas.into_iter().filter(|&a| a > 0.0).map(Kernel::new).collect();
+            Zonal::new(panorama, &kernels, InstructionSet::detect())
+        };
         let witness = match spec.integrator {
             Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
             Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
-            Integrator::Auto | Integrator::Zonal => {
-                let mut alphas: Vec<f64> = roughness.iter().map(|&r| alpha_of_roughness(r)).collect();
-                alphas.sort_by(f64::total_cmp);
-                alphas.dedup();
-                let kernels: Vec<Kernel> = alphas.into_iter().filter(|&a| a > 0.0).map(Kernel::new).collect();
-                Witness::Zonal(Zonal::new(panorama, &kernels, InstructionSet::detect()))
-            }
+            Integrator::Auto | Integrator::Zonal => Witness::Zonal(zonal()),
         };
-        Self { panorama, samples: spec.samples, witness }
+        let seen = spec.probe || spec.fit == Fit::Lookup;
+        let truth = (seen && !matches!(witness, Witness::Zonal(_))).then(zonal);
+        let (samples, seed) = (spec.samples, spec.seed);
+        Self { panorama, samples, seed, witness, truth, fit: spec.fit, probe: spec.probe }
     }
 
     fn chain(&self, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Chain {
@@ -198,6 +222,27 @@ impl<'a> Filter<'a> {
     }
 
     pub(super) fn level(&self, size: usize, roughness: f64, finished: &(dyn Fn(u64) + Sync)) -> (Cube, LevelReport) {
+        let (cube, report) = self.exact_level(size, roughness, finished);
+        let alpha = alpha_of_roughness(roughness);
+        let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
+        let Some(zonal) = zonal.filter(|_| alpha > 0.0 && (self.probe || self.fit == Fit::Lookup)) else {
+            return (cube, report);
+        };
+        let function = zonal.function(&Kernel::new(alpha));
+        if function.degree == 0 {
+            return (cube, report);
+        }
+        let probe = Probe::new(&function, &cube, self.panorama.mean(), self.seed);
+        if self.fit == Fit::None {
+            return (cube, LevelReport { probe: Some(probe), ..report });
+        }
+        let (cube, fit) = fit(&function, cube, self.panorama, &probe);
+        let (mean, mean_deviation) = self.mean(&cube);
+        (cube, LevelReport { probe: Some(probe), fit: Some(fit), mean, mean_deviation, ..report })
+    }
+
+    /// A level whose texels are the values at their centres.
+    fn exact_level(&self, size: usize, roughness: f64, finished: &(dyn Fn(u64) + Sync)) -> (Cube, LevelReport) {
         let alpha = alpha_of_roughness(roughness);
         if alpha == 0.0 {
             let cube = area_average(self.panorama, size);
@@ -251,8 +296,7 @@ impl<'a> Filter<'a> {
     }
 
     fn report(&self, cube: &Cube, roughness: f64, method: &str, samples: usize, errors: (f64, f64)) -> LevelReport {
-        let (mean, wanted) = (cube.mean(), self.panorama.mean());
-        let deviation = |c: usize| if wanted[c] == mean[c] { 0.0 } else { (mean[c] / wanted[c] - 1.0).abs() };
+        let (mean, mean_deviation) = self.mean(cube);
         LevelReport {
             size: cube.size,
             roughness,
@@ -264,7 +308,16 @@ impl<'a> Filter<'a> {
             degree: 0,
             truncation_bound: 0.0,
             mean,
-            mean_deviation: (0..3).map(deviation).fold(0.0, f64::max),
+            mean_deviation,
+            probe: None,
+            fit: None,
         }
+    }
+
+    /// The mean over the sphere, and how far it is from the input's.
+    fn mean(&self, cube: &Cube) -> ([f64; 3], f64) {
+        let (mean, wanted) = (cube.mean(), self.panorama.mean());
+        let deviation = |c: usize| if wanted[c] == mean[c] { 0.0 } else { (mean[c] / wanted[c] - 1.0).abs() };
+        (mean, (0..3).map(deviation).fold(0.0, f64::max))
     }
 }

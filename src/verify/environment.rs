@@ -4,7 +4,7 @@ use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, largest, texel_digest, ulp};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::{Panorama, spherical_harmonics};
+use crate::environment::{CubeLookup, Panorama, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, ktx2};
 use crate::recipe::EnvironmentRecipe;
@@ -147,7 +147,11 @@ fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &Environme
             // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
             let max_error = level.max_error.min(MOST_ERROR);
             let rms_error = level.rms_error.min(max_error);
-            Ok(CubeLevel { name: level.name.clone(), size, roughness: level.roughness, texels, max_error, rms_error })
+            let fitted = level.lookup.clone().filter(|_| level.is_fitted());
+            // Likewise what a lookup may be off by.
+            let fitted = fitted.map(|lookup| CubeLookup { max: lookup.max.min(MOST_ERROR), ..lookup });
+            let name = level.name.clone();
+            Ok(CubeLevel { name, size, roughness: level.roughness, texels, fitted, max_error, rms_error })
         })
         .collect()
 }
