@@ -9,7 +9,7 @@ pub use environment::{
     DEFAULT_SAMPLES, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels, is_current,
     source,
 };
-pub(crate) use environment::{IRRADIANCE, largest, ulp};
+pub(crate) use environment::{IRRADIANCE, precision};
 pub use table::table;
 
 use crate::certificate::{self, Certificate};

@@ -3,9 +3,11 @@
 //! The same checks run when a file is baked (on what will be written) and when it is verified (on what was read).
 
 mod environment;
+mod precision;
 mod table;
 
 pub use environment::{CubeLevel, EnvironmentValues};
+pub use precision::Precision;
 pub use table::TableValues;
 
 use serde::{Deserialize, Serialize};

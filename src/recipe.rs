@@ -6,8 +6,9 @@
 use crate::colour::TargetColour;
 use crate::environment::{Adjustment, ChainSpec, Fit, InputLayout, Negatives, NonFinite, Reading};
 use crate::error::{Error, Result};
-use crate::format::FormatSpec;
+use crate::format::{FormatSpec, Packing};
 use crate::integrate::Settings;
+use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, Path};
@@ -118,7 +119,7 @@ fn default_irradiance_size() -> usize {
 }
 
 fn default_cube_format() -> FormatSpec {
-    FormatSpec::Ktx2(crate::pack::TexelFormat { channels: 4, number: crate::pack::Number::F16 })
+    FormatSpec::ktx2(TexelFormat::Plain { channels: 4, number: crate::pack::Number::F16 })
 }
 
 impl Recipe {
@@ -225,21 +226,15 @@ impl TableRecipe {
                 return Err(Error::usage(format!("channel {name} is named twice"), "name each quantity once"));
             }
         }
-        self.arrangement()?;
-        if let FormatSpec::Ktx2(texel) = self.format
-            && self.channels.len() > texel.channels
-        {
-            return Err(Error::usage(
-                format!(
-                    "{} holds {} channels, and {} were asked for",
-                    self.format,
-                    texel.channels,
-                    self.channels.len()
-                ),
-                "use ktx2:rgba16f or ktx2:rgba32f for up to four, or exr:f32 for any number",
-            ));
-        }
+        self.texel_format()?;
         Ok(())
+    }
+
+    /// How the texels of the file are stored.
+    ///
+    /// **Errors**: more channels than the texel format has; a layout that the container does not have.
+    pub fn texel_format(&self) -> Result<TexelFormat> {
+        self.format.texel(self.arrangement()?.file_channels())
     }
 
     /// The named table `name` as it is unless told otherwise, for a file of that format.
@@ -341,11 +336,18 @@ impl EnvironmentRecipe {
                 ));
             }
         }
-        match self.format {
-            FormatSpec::Ktx2(texel) if texel.channels == 4 => Ok(()),
-            other => Err(Error::usage(
-                format!("a cube of colours does not fit {other}"),
-                "use --format ktx2:rgba16f or ktx2:rgba32f",
+        self.cube_format().map(|_| ())
+    }
+
+    /// How the cubes' texels are stored.
+    ///
+    /// **Errors**: a container without cubes, a texel without three channels.
+    pub fn cube_format(&self) -> Result<TexelFormat> {
+        match self.format.packing() {
+            Packing::Texel(format) if self.format.container().has_cubes() && format.channels() >= 3 => Ok(format),
+            _ => Err(Error::usage(
+                format!("a cube of colours does not fit {}", self.format),
+                "use --format ktx2:rgba16f, ktx2:rgba32f, or another of ktx2, ktx1, dds with three channels or more",
             )),
         }
     }

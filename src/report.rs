@@ -3,7 +3,7 @@
 //! A preview is to look at, never to compute with: radiance is tone-mapped, and only a preview is.
 
 use crate::error::{Error, Result};
-use crate::format::{Image, ktx2};
+use crate::format::{Image, Texture};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 /// An 8-bit RGB picture.
@@ -113,19 +113,20 @@ pub fn panorama(image: &Image, ev: f32) -> Result<Preview> {
 /// A cube and its mips: a row of faces +X −X +Y −Y +Z −Z for each level, all at one exposure.
 ///
 /// **Errors**: a texture that is not a cube of colours.
-pub fn cube(texture: &ktx2::Texture, ev: f32) -> Result<Preview> {
-    if texture.faces != 6 || texture.format.channels < 3 {
+pub fn cube(texture: &Texture, ev: f32) -> Result<Preview> {
+    if texture.faces != 6 || texture.format.channels() < 3 {
         return Err(Error::unsupported(
             format!(
                 "a texture of {} faces and {} channels is no cube of colours",
-                texture.faces, texture.format.channels
+                texture.faces,
+                texture.format.channels()
             ),
             "show a cube map in rgba16f or rgba32f",
         ));
     }
     let face = |level: usize, face: usize| -> Vec<[f32; 3]> {
         let values = texture.face(level, face).unwrap_or_default();
-        values.chunks_exact(texture.format.channels).map(|t| [t[0], t[1], t[2]]).collect()
+        values.chunks_exact(texture.format.channels()).map(|t| [t[0], t[1], t[2]]).collect()
     };
     let first: Vec<[f32; 3]> = (0..6).flat_map(|f| face(0, f)).collect();
     let exposure = exposure_for(first.iter(), ev);

@@ -8,7 +8,7 @@ mod table;
 use crate::certificate::{self, Certificate};
 use crate::check::Check;
 use crate::error::{Error, Result};
-use crate::format::{FileKind, Image, exr, ktx2};
+use crate::format::{FileKind, Image, Texture, exr, ktx2};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ impl Report {
 /// What a file holds, as far as verification cares.
 enum Content {
     Picture(Image),
-    Texture(ktx2::Texture),
+    Texture(Texture),
     Json(serde_json::Value),
 }
 
@@ -59,9 +59,10 @@ impl Content {
             FileKind::Hdr => {
                 Err(Error::unsupported("a panorama, which claims nothing", "verify what was baked from it"))
             }
-            FileKind::Other(kind) => {
-                Err(Error::unsupported(format!("{kind}, which Kiln does not verify"), "give an .exr, .ktx2 or sh.json"))
-            }
+            kind => Err(Error::unsupported(
+                format!("{}, which Kiln does not verify", kind.text()),
+                "give an .exr, .ktx2 or sh.json",
+            )),
         };
         content.map_err(|e| e.in_file(path))
     }

@@ -28,7 +28,7 @@ fn sample(kind: &str, random: &mut Random) -> Vec<u8> {
             image.primaries = [None, Some(kiln::colour::Primaries::ACESCG)][random.below(2)];
             exr::encode(&image, [Number::F16, Number::F32][random.below(2)]).unwrap().0
         }
-        "ktx2" => ktx2::encode(&cube(TexelFormat::ALL[random.below(6)], 1 << random.below(4))).unwrap(),
+        "ktx2" => ktx2::encode(&cube(TexelFormat::ALL[random.below(22)], 1 << random.below(4))).unwrap(),
         _ => match random.below(3) {
             0 => hdr_sample(),
             _ => {

@@ -115,18 +115,8 @@ fn every_layout_shows_each_face_where_it_belongs() {
     let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
     for format in ["rgba16f", "rgba32f"] {
         let format: kiln::pack::TexelFormat = format.parse().unwrap();
-        let (level, _) = format.number.pack(&rgba);
-        let primaries = Primaries::REC709;
-        let texture = ktx2::Texture {
-            format,
-            width: n,
-            height: n,
-            depth: 0,
-            faces: 6,
-            levels: vec![level],
-            metadata: vec![],
-            primaries,
-        };
+        let mut texture = kiln::format::Texture::empty_cube(format, n);
+        texture.push_level(&rgba).unwrap();
         std::fs::write(folder.path().join("cube.ktx2"), ktx2::encode(&texture).unwrap()).unwrap();
         let (panorama, found) = read(folder.path(), "cube.ktx2", InputLayout::Auto).unwrap();
         assert_eq!(found, Layout::CubeTexture);

@@ -2,14 +2,14 @@
 
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
-use crate::check::{Check, CubeLevel, EnvironmentValues};
+use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
 use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
 use crate::environment::{Adjusted, Cube, CubeLookup, InputReport, Panorama, Sun, Unit, load};
 use crate::error::{Error, Result};
-use crate::format::{FormatSpec, ktx2};
+use crate::format::{self, Texture};
 use crate::integrate::{ErrorKind, Integrator};
-use crate::pack::{Number, PackReport, binary16, binary32};
+use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
 use crate::table::Progress;
 use serde::{Deserialize, Serialize};
@@ -128,10 +128,10 @@ pub fn is_current(recipe: &EnvironmentRecipe, certificate: &Certificate) -> bool
 pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progress) -> Result<Baked> {
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
-    let FormatSpec::Ktx2(format) = recipe.format else { unreachable!("EnvironmentRecipe::check allows KTX2 only") };
+    let format = recipe.cube_format()?;
     let (specular, irradiance) = filter(recipe, panorama, progress)?;
-    let (bytes_of_levels, packing, values, lookups) = pack(&specular, &irradiance, format.number);
-    let judged = EnvironmentValues { levels: &values, ulp: ulp(format.number), largest: largest(format.number) };
+    let (bytes_of_levels, packing, values, lookups) = pack(&specular, &irradiance, format);
+    let judged = EnvironmentValues { levels: &values, precision: precision(format, &values, packing.max_block_error) };
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
@@ -160,17 +160,9 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let cube = |content: &str, size, levels| {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
         let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
-        let texture = ktx2::Texture {
-            format,
-            width: size,
-            height: size,
-            depth: 0,
-            faces: 6,
-            levels,
-            metadata,
-            primaries: panorama.primaries(),
-        };
-        ktx2::encode(&texture)
+        let primaries = panorama.primaries();
+        let texture = Texture { levels, metadata, primaries, ..Texture::empty_cube(format, size) };
+        format::encode(recipe.format, &texture)
     };
     let mut levels = bytes_of_levels;
     let last = levels.split_off(specular.len());
@@ -213,13 +205,14 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
 type Packed = (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>, Vec<Option<CubeLookup>>);
 
 /// Packs the levels, the irradiance cube last.
-fn pack(specular: &[Filtered], irradiance: &Filtered, number: Number) -> Packed {
+fn pack(specular: &[Filtered], irradiance: &Filtered, format: TexelFormat) -> Packed {
     let (mut all, mut report, mut values, mut lookups) = (vec![], PackReport::default(), vec![], vec![]);
     let named = specular.iter().enumerate().map(|(m, level)| (format!("specular {m}"), level));
     for (name, (cube, found)) in named.chain([(IRRADIANCE.to_owned(), irradiance)]) {
-        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
-        let (bytes, packed) = number.pack(&rgba);
-        let texels = number.unpack(&bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2]]).collect();
+        let n = format.channels();
+        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
+        let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
+        let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
         let stored = Cube { size: cube.size, texels };
         let lookup = found.probe.as_ref().map(|probe| probe.judge(&stored));
         report = report.merge(packed);
@@ -242,19 +235,10 @@ fn is_fitted(level: &LevelReport) -> bool {
     level.fit.as_ref().is_some_and(|fit| fit.kept)
 }
 
-pub(crate) fn ulp(number: Number) -> fn(f64) -> f64 {
-    match number {
-        Number::F16 => binary16::ulp,
-        Number::F32 => binary32::ulp,
-    }
-}
-
-/// The largest number that a format holds.
-pub(crate) fn largest(number: Number) -> f64 {
-    match number {
-        Number::F16 => binary16::MAX,
-        Number::F32 => f64::from(f32::MAX),
-    }
+/// What packing may have changed of the levels.
+pub(crate) fn precision(format: TexelFormat, levels: &[CubeLevel], block_error: f64) -> Precision {
+    let values = levels.iter().flat_map(|level| level.texels.as_flattened()).map(|&v| f64::from(v));
+    Precision::new(format, values, block_error)
 }
 
 /// Digests of the files, in the order of [`FILES`].

@@ -2,15 +2,16 @@
 
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, Channel, FileDigest};
-use crate::check::TableValues;
+use crate::check::{Precision, TableValues};
 use crate::error::{Error, Result};
-use crate::format::{FormatSpec, Image, exr, ktx2};
+use crate::format::{self, Container, Image, Texture, exr};
 use crate::integrate::{Integration, Integrator};
+use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::TableRecipe;
 use crate::table::lookup::lookup_errors;
 use crate::table::quantity::Handle;
 use crate::table::rounding::{Rounding, decide};
-use crate::table::{Progress, Table};
+use crate::table::{Arrangement, Progress, Table};
 use std::path::Path;
 
 /// Integrates, checks and packs one table.
@@ -21,14 +22,18 @@ pub fn table(recipe: &TableRecipe, progress: Progress) -> Result<Baked> {
     let spec = recipe.spec()?;
     let integration = Integration::new(recipe.integration)?;
     let mut table = spec.bake(&integration, progress)?;
-    let number = recipe.format.number();
-    let rounding = decide(&mut table, number, &integration)?;
-    let (bytes, packing) = number.pack(&table.values);
-    let texels = number.unpack(&bytes);
+    let rounding = decide(&mut table, recipe.texel_format()?, &integration)?;
+    let (file, packing) = pack(&table, recipe)?;
+    let texels = unpack(&file, recipe)?;
     let errors = table.worst_errors();
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
-    let judged =
-        TableValues { spec: &spec, values: &values, errors: &errors, kinds: &table.kinds, number: Some(number) };
+    let judged = TableValues {
+        spec: &spec,
+        values: &values,
+        errors: &errors,
+        kinds: &table.kinds,
+        precision: Precision::new(file.format, values.iter().copied(), packing.max_block_error),
+    };
     let mut checks = judged.facts();
     // Whichever witness did not compute a channel looks at it.
     let random = |h: &Handle| h.is_monte_carlo(&integration);
@@ -45,9 +50,9 @@ pub fn table(recipe: &TableRecipe, progress: Progress) -> Result<Baked> {
         ..Certificate::new()
     };
     refuse_failures(&certificate)?;
-    let file = recipe.file.clone().into();
+    let path = recipe.file.clone().into();
     let certificate_path = certificate::beside(Path::new(&recipe.file));
-    Ok(Baked { files: vec![(file, encode(&table, recipe, &certificate)?)], certificate_path, certificate })
+    Ok(Baked { files: vec![(path, encode(&table, file, recipe, &certificate)?)], certificate_path, certificate })
 }
 
 fn file_name(path: &str) -> Result<String> {
@@ -77,29 +82,73 @@ fn channels(table: &Table, integration: &Integration) -> Vec<Channel> {
     table.spec.channels.iter().enumerate().map(row).collect()
 }
 
-/// The bytes of the file. Channels of a texel format that the table does not fill are 0.
-fn encode(table: &Table, recipe: &TableRecipe, certificate: &Certificate) -> Result<Vec<u8>> {
+/// The table as it lies in its file. Channels of a texel format that the table does not fill are 0.
+fn pack(table: &Table, recipe: &TableRecipe) -> Result<(Texture, PackReport)> {
     let arrangement = recipe.arrangement()?;
     let ([width, height, depth], n) = (arrangement.size, arrangement.file_channels());
-    let values = arrangement.scatter(&table.values);
+    let format = recipe.texel_format()?;
+    let padding = vec![0.0; format.channels() - n];
+    let values: Vec<f64> =
+        arrangement.scatter(&table.values).chunks_exact(n).flat_map(|v| [v, &padding].concat()).collect();
+    let (mut texture, report) = if arrangement.is_volume() {
+        Texture::volume(format, [width, height, depth], &values)?
+    } else {
+        Texture::flat(format, width, height, &values)?
+    };
+    if padding.is_empty() {
+        texture.channels = names(table, &arrangement);
+    }
+    refuse_clamped(recipe, format, &report)?;
+    Ok((texture, report))
+}
+
+fn names(table: &Table, arrangement: &Arrangement) -> Vec<String> {
+    let names: Vec<&str> = table.spec.channels.iter().map(|c| c.quantity.name).collect();
+    arrangement.names(&names)
+}
+
+/// A table whose values its format has no room for is no table of them.
+fn refuse_clamped(recipe: &TableRecipe, format: TexelFormat, report: &PackReport) -> Result<()> {
+    let refuse = |what: String| {
+        Err(Error::usage(
+            format!("{}: {what}, which {} has no room for", recipe.file, recipe.format),
+            "use an f16 or f32 format, such as ktx2:rgba16f or exr:f32",
+        ))
+    };
+    if report.negative > 0 && !format.is_signed() {
+        return refuse(format!("{} values below zero", report.negative));
+    }
+    // A half float that overflows is stored as the largest one, and said so.
+    if report.overflowed > 0 && !format.is_signed() {
+        return refuse(format!("{} values above {}", report.overflowed, format.largest(0)));
+    }
+    Ok(())
+}
+
+/// What a reader will see of the table's values.
+fn unpack(file: &Texture, recipe: &TableRecipe) -> Result<Vec<f32>> {
+    let arrangement = recipe.arrangement()?;
+    let n = arrangement.file_channels();
+    let values: Vec<f32> =
+        file.values(0).chunks_exact(file.format.channels()).flat_map(|t| t[..n].iter().copied()).collect();
+    Ok(arrangement.gather(&values))
+}
+
+/// The bytes of the file.
+fn encode(table: &Table, mut file: Texture, recipe: &TableRecipe, certificate: &Certificate) -> Result<Vec<u8>> {
     let metadata = vec![(certificate::KEY.to_owned(), certificate.to_json()?)];
-    match recipe.format {
-        FormatSpec::Exr(number) => {
-            let names: Vec<&str> = table.spec.channels.iter().map(|c| c.quantity.name).collect();
-            let image =
-                Image { width, height, channels: arrangement.names(&names), texels: values, metadata, primaries: None };
+    match (recipe.format.container(), file.format.number()) {
+        (Container::Exr, Some(number)) => {
+            // From the values themselves, so that they are rounded once.
+            let arrangement = recipe.arrangement()?;
+            let ([width, height, _], texels) = (arrangement.size, arrangement.scatter(&table.values));
+            let channels = names(table, &arrangement);
+            let image = Image { width, height, channels, texels, metadata, primaries: None };
             Ok(exr::encode(&image, number)?.0)
         }
-        FormatSpec::Ktx2(texel) => {
-            let padding = vec![0.0; texel.channels - n];
-            let values: Vec<f64> = values.chunks_exact(n).flat_map(|v| [v, &padding].concat()).collect();
-            let (mut texture, _) = if arrangement.is_volume() {
-                ktx2::Texture::volume(texel, [width, height, depth], &values)?
-            } else {
-                ktx2::Texture::flat(texel, width, height, &values)?
-            };
-            texture.metadata = metadata;
-            ktx2::encode(&texture)
+        _ => {
+            file.metadata = metadata;
+            format::encode(recipe.format, &file)
         }
     }
 }

@@ -1,10 +1,11 @@
 //! Facts about the values of an environment's cubes.
 
-use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
+use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
 use crate::environment::{Cube, CubeLookup, DARK_FLOOR, Kernel, Panorama, area_average};
 use crate::model::alpha_of_roughness;
+use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -32,10 +33,8 @@ pub struct CubeLevel {
 pub struct EnvironmentValues<'a> {
     /// All cubes.
     pub levels: &'a [CubeLevel],
-    /// Spacing of the packed numbers at a value.
-    pub ulp: fn(f64) -> f64,
-    /// The largest number that the texel format holds: brighter values are stored as that.
-    pub largest: f64,
+    /// What packing may have changed. Values that the format has no room for are stored as the nearest that it has.
+    pub precision: Precision,
 }
 
 /// A value that is wrong by how much, and by how much it may be.
@@ -129,6 +128,13 @@ impl EnvironmentValues<'_> {
         checks
     }
 
+    /// The brightest value of each block, where texels are stored in such.
+    fn brightest_of_blocks(&self, level: &CubeLevel) -> Option<Vec<f64>> {
+        let faces = level.texels.chunks_exact(level.size * level.size);
+        let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(level.size, level.size, face.as_flattened());
+        (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
+    }
+
     fn compare(
         &self,
         level: &CubeLevel,
@@ -138,14 +144,18 @@ impl EnvironmentValues<'_> {
         exactly: bool,
     ) -> Vec<Deviation> {
         let mean = panorama.mean();
+        let blocks = self.brightest_of_blocks(level);
         texels
             .into_par_iter()
             .flat_map_iter(|texel| {
                 let wanted = truth(texel);
+                let wanted = [0, 1, 2].map(|c| self.precision.fit(c, wanted[c]));
+                let of_texel = wanted.into_iter().fold(0.0, f64::max);
+                let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, texel)]);
                 (0..3).map(move |c| {
-                    let wanted = wanted[c].clamp(-self.largest, self.largest);
+                    let wanted = wanted[c];
                     let scale = wanted.abs().max(DARK_FLOOR * mean[c].abs());
-                    let rounding = 0.5 * (self.ulp)(wanted.abs() * (1.0 + 1e-3)); // the ulp of the larger neighbour
+                    let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
                     Deviation { place: place(level.size, texel, c), figure, limit }
@@ -200,6 +210,13 @@ fn lookup_checks(
     let detail = format!("worst of {} towards ({x:.3}, {y:.3}, {z:.3})", errors.len());
     let name = "full sum through bilinear filtering, relative";
     vec![Check::at_most(name, &level.name, errors[worst], BETWEEN * claimed.max, detail)]
+}
+
+/// The block of a texel of a cube, face after face.
+fn block(level: &CubeLevel, texel: usize) -> usize {
+    let area = level.size * level.size;
+    let per_face = level.size.div_ceil(bc6h::BLOCK).pow(2);
+    texel / area * per_face + bc6h::block_of(level.size, texel % area)
 }
 
 /// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to

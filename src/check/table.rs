@@ -1,9 +1,8 @@
 //! Facts about the values of a table.
 
-use super::{Check, SIGMAS, WITNESS_POINTS, weyl};
+use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::error::Result;
 use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
-use crate::pack::Number;
 use crate::table::quantity::Handle;
 use crate::table::{Parameter, TableSpec, Trend};
 use rayon::prelude::*;
@@ -19,8 +18,8 @@ pub struct TableValues<'a> {
     pub errors: &'a [f64],
     /// What the errors of each channel are.
     pub kinds: &'a [ErrorKind],
-    /// How the values were packed; none for values in full precision.
-    pub number: Option<Number>,
+    /// What packing may have changed.
+    pub precision: Precision,
 }
 
 /// By how much a texel is off, and by how much it may be.
@@ -43,8 +42,7 @@ impl TableValues<'_> {
             ErrorKind::Bound => self.errors[channel],
             ErrorKind::Sigma | ErrorKind::Measured => SIGMAS * self.errors[channel],
         };
-        // An ulp at the wanted value may be that of the next binade below: take the larger neighbour.
-        integration + 0.5 * self.number.map_or(0.0, |number| number.ulp(value * (1.0 + 1e-3)))
+        integration + self.precision.tolerance(channel, value)
     }
 
     fn channel(&self, channel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {

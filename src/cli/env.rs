@@ -287,7 +287,9 @@ fn fit_note(levels: &[Level]) -> String {
         Some(fit) if fit.kept => {
             format!("{} {:.2} % RMS instead of {:.2} %", level.name, 100.0 * fit.fitted.rms, 100.0 * fit.exact.rms)
         }
-        Some(fit) => format!("{} exact, which is no worse than fitted ({:.2} % RMS)", level.name, 100.0 * fit.exact.rms),
+        Some(fit) => {
+            format!("{} exact, which is no worse than fitted ({:.2} % RMS)", level.name, 100.0 * fit.exact.rms)
+        }
         None => format!("{} not fitted", level.name),
     });
     format!("through bilinear filtering: {}", each.collect::<Vec<_>>().join(", "))

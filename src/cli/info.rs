@@ -6,7 +6,7 @@ use clap::Args;
 use kiln::bake::SunFile;
 use kiln::certificate::{self, Certificate, Level};
 use kiln::environment::{Negatives, NonFinite, Panorama, Photometry, Unit, extract_sun};
-use kiln::format::{FileKind, Image, decode_image, exr, ktx2};
+use kiln::format::{FileKind, Image, Texture, decode_image, exr, ktx2};
 use kiln::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -119,9 +119,9 @@ fn of_panorama(panorama: &Panorama, unit: Unit) -> PanoramaFacts {
     PanoramaFacts { light: Photometry::of(panorama, unit), sun }
 }
 
-fn of_texture(path: &Path, texture: ktx2::Texture) -> Facts {
-    let n = texture.format.channels;
-    let names: Vec<String> = ["R", "G", "B", "A"][..n].iter().map(|&s| s.to_owned()).collect();
+fn of_texture(path: &Path, texture: Texture) -> Facts {
+    let n = texture.format.channels();
+    let names = texture.channel_names();
     let values: Vec<f32> = (0..texture.layers(0)).filter_map(|face| texture.face(0, face)).flatten().collect();
     Facts {
         file: path.to_owned(),

@@ -37,7 +37,7 @@ impl Show {
                     return report::cube(&texture, self.exposure);
                 }
                 let slices: Vec<Vec<f32>> = (0..texture.layers(0)).filter_map(|z| texture.face(0, z)).collect();
-                Ok(report::table(texture.width, texture.height, texture.format.channels, &slices))
+                Ok(report::table(texture.width, texture.height, texture.format.channels(), &slices))
             }
             FileKind::Exr => {
                 let image = exr::decode(&bytes)?;

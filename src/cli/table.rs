@@ -4,9 +4,8 @@ use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
-use kiln::format::FormatSpec;
+use kiln::format::{Container, FormatSpec};
 use kiln::math::warp::Warp;
-use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
@@ -97,8 +96,9 @@ impl Table {
 
     fn format(&self, n_channels: usize) -> Result<FormatSpec> {
         let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        let container = Container::of_extension(&extension);
         if let Some(format) = self.format {
-            if ["exr", "ktx2"].contains(&extension.as_str()) && extension != format.extension() {
+            if container.is_some() && extension != format.extension() {
                 return Err(Error::usage(
                     format!("{} is not a file of format {format}", self.output.display()),
                     format!("call it something.{}, or leave --format out", format.extension()),
@@ -106,20 +106,13 @@ impl Table {
             }
             return Ok(format);
         }
-        match extension.as_str() {
-            "exr" => Ok(FormatSpec::Exr(Number::F32)),
-            "ktx2" => {
-                let channels = match n_channels {
-                    3 => 4,
-                    n => n,
-                };
-                Ok(FormatSpec::Ktx2(TexelFormat::new(channels, Number::F16)?))
-            }
-            _ => Err(Error::usage(
+        let container = container.ok_or_else(|| {
+            Error::usage(
                 format!("{} does not say which format it is to have", self.output.display()),
                 "give --format, such as exr:f32 or ktx2:rg16f",
-            )),
-        }
+            )
+        })?;
+        FormatSpec::usual(container, n_channels)
     }
 
     /// The table's own axes, or the given ones; sizes by `--size`, else by the axis, else the table's own.

@@ -104,7 +104,15 @@ impl ChainSpec {
             .count();
         let last = (levels - 1).max(1) as f64;
         let roughness = (0..levels).map(|level| level as f64 / last).collect();
-        Self { size, roughness, samples: 4096, seed: 0, integrator: Integrator::default(), fit: Fit::None, probe: false }
+        Self {
+            size,
+            roughness,
+            samples: 4096,
+            seed: 0,
+            integrator: Integrator::default(),
+            fit: Fit::None,
+            probe: false,
+        }
     }
 
     /// Texels along an edge of a level.

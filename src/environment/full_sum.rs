@@ -3,7 +3,8 @@
 //! Each texel's box is integrated by a product of Gauss–Legendre rules in φ and θ (θ rather than y = cos θ, because the
 //! direction is a smooth function of θ at the poles). How many points: the kernel 1/(1 − βc)² has its complex
 //! singularities at an angular distance δ = √(4α²/(1−α²) + distance²) from the lobe's axis (and its cosine, like sin θ, varies
-//! over one radian, so that δ counts as 1 at most), and n points on a box of extent h leave an error of about (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
+//! over one radian, so that δ counts as 1 at most; other kernels have other δ), and n points on a box of extent h leave an error of about
+//! (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
 //! horizon crosses a box, each line of constant θ is cut exactly where c = 0.
 
 use std::f64::consts::{PI, TAU};
@@ -12,13 +13,16 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cube::{Cube, texel_direction};
-use super::kernel::Kernel;
+use super::kernel::{Kernel, Profile, with_profile};
 use super::panorama::Panorama;
 use super::zonal::InstructionSet;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// A rule of points per side may be used where extent/δ is at most this; then (h/4δ)^2n is below 1e-7.
 const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
+
+/// How many of them may be taken for nearly all texels.
+const BULK_RULES: usize = 3;
 
 /// Extents below which a box is flat enough, in radians: the sphere bends by 2e-4 of it.
 const FLAT: f64 = 0.02;
@@ -32,9 +36,9 @@ pub struct FullSum<'a> {
     panorama: &'a Panorama,
     base: [f64; 3],
     rules: Vec<Rule>,
-    /// cos φ and sin φ of the smallest rule's points, what nearly every texel takes: its first in every column, then its
-    /// second, and so on.
-    azimuths: Vec<(f64, f64)>,
+    /// cos φ and sin φ of the points of the three smallest rules, one of which nearly every texel takes: its first in every column, then
+    /// its second, and so on.
+    azimuths: [Vec<(f64, f64)>; BULK_RULES],
     /// Whether the row holds anything beyond the base.
     occupied: Vec<bool>,
     /// The channels one by one, of a panorama that is not too large.
@@ -55,8 +59,6 @@ pub(super) struct Lobe<'a> {
     axis: DVec3,
     azimuth: f64,
     horizontal: f64,
-    /// Squared distance of the kernel's singularities from its axis.
-    width2: f64,
 }
 
 impl<'a> FullSum<'a> {
@@ -71,13 +73,12 @@ impl<'a> FullSum<'a> {
         let rules: Vec<Rule> = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
         let base = panorama.min();
         let occupied = (0..panorama.height()).map(|row| panorama.row(row).iter().any(|t| *t != base)).collect();
-        let azimuths = rules[0]
-            .nodes
-            .iter()
-            .flat_map(|t| (0..panorama.width()).map(move |column| column as f64 + t))
-            .map(|position| TAU * position / panorama.width() as f64 - PI)
-            .map(|phi| (phi.cos(), phi.sin()))
-            .collect();
+        let of_rule = |rule: &Rule| -> Vec<(f64, f64)> {
+            let columns = |t: f64| (0..panorama.width()).map(move |column| column as f64 + t);
+            let positions = rule.nodes.iter().flat_map(|&t| columns(t));
+            positions.map(|at| TAU * at / panorama.width() as f64 - PI).map(|phi| (phi.cos(), phi.sin())).collect()
+        };
+        let azimuths = std::array::from_fn(|i| of_rule(&rules[i]));
         let apart = (panorama.texels().len() <= LARGEST_APART)
             .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect()));
         Self {
@@ -95,11 +96,12 @@ impl<'a> FullSum<'a> {
     pub fn evaluate(&self, axis: DVec3, kernel: &Kernel) -> [f64; 3] {
         let axis = axis.normalize();
         let lobe = Lobe::new(axis, kernel);
-        let along: Vec<f64> = self.azimuths.iter().map(|(cos, sin)| axis.x * cos + axis.z * sin).collect();
+        let bulk = self.bulk_rule(kernel);
+        let along: Vec<f64> = self.azimuths[bulk].iter().map(|(cos, sin)| axis.x * cos + axis.z * sin).collect();
         let mut weights = vec![0.0; self.panorama.width()];
         let mut sum = [Compensated::default(); 3];
         for row in (0..self.panorama.height()).filter(|&row| self.occupied[row]) {
-            if !self.row_weights(row, &lobe, &along, &mut weights) {
+            if !self.row_weights(row, &lobe, (bulk, &along), &mut weights) {
                 continue;
             }
             let row_sum = self.row_sum(row, &weights);
@@ -120,6 +122,18 @@ impl<'a> FullSum<'a> {
             value
         };
         Cube { size, texels: (0..6 * size * size).into_par_iter().map(texel).collect() }
+    }
+
+    /// The rule that suffices away from a kernel's axis and its horizon.
+    fn bulk_rule(&self, kernel: &Kernel) -> usize {
+        let extent = (PI / self.panorama.height() as f64).max(TAU / self.panorama.width() as f64);
+        // (A cap is smooth there over one radian.)
+        let length = if kernel.is_ring() { kernel.smoothness(1.0, 0.5, 1.0) } else { 1.0 };
+        (0..BULK_RULES - 1).find(|&rule| extent <= RULES[rule].1 * length).unwrap_or(if kernel.is_ring() {
+            BULK_RULES - 1
+        } else {
+            0
+        })
     }
 
     /// Σ weight × (radiance − base) over a row.
@@ -148,7 +162,7 @@ impl<'a> FullSum<'a> {
     }
 
     /// Integrals of the kernel over the texels of a row; false if the whole row is below the horizon.
-    fn row_weights(&self, row: usize, lobe: &Lobe, along: &[f64], weights: &mut [f64]) -> bool {
+    fn row_weights(&self, row: usize, lobe: &Lobe, (bulk, along): (usize, &[f64]), weights: &mut [f64]) -> bool {
         let (width, height) = (self.panorama.width(), self.panorama.height());
         let theta = [PI * row as f64 / height as f64, PI * (row + 1) as f64 / height as f64];
         let (dtheta, dphi) = (theta[1] - theta[0], TAU / width as f64);
@@ -161,8 +175,8 @@ impl<'a> FullSum<'a> {
             return false;
         }
 
-        // Two by two everywhere first: one tight loop.
-        let rule = &self.rules[0];
+        // One rule everywhere first: one tight loop.
+        let rule = &self.rules[bulk];
         weights.fill(0.0);
         self.instructions.run(
             #[inline(always)]
@@ -171,15 +185,16 @@ impl<'a> FullSum<'a> {
                     let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
                     let (up, scale) = (lobe.axis.y * cos, weight * sin * dtheta * dphi);
                     for (along, weight) in along.chunks_exact(width).zip(&rule.weights) {
-                        add_line(weights, along, [up, sin, scale * weight], lobe.kernel);
+                        let at = [up, sin, scale * weight];
+                        with_profile!(lobe.kernel, P => add_line::<P>(weights, along, at, lobe.kernel));
                     }
                 }
             },
         );
 
         // Then mend the texels for which that is not enough: near the axis, and across the horizon.
-        let far = (extent / RULES[0].1 + reach).powi(2);
-        let least_near = if far > 1.0 { f64::NEG_INFINITY } else { 1.0 - (far - lobe.width2) / 2.0 };
+        let [near_from, belt] = lobe.kernel.rough_parts(extent / RULES[bulk].1, reach);
+        let flat = is_flat(extent, lobe.kernel);
         let (sin, cos) = middle.sin_cos();
         let up = lobe.axis.y * cos;
         let first = &along[..width];
@@ -191,12 +206,12 @@ impl<'a> FullSum<'a> {
                 // (Between the points of the column: its centre, to a relative dφ²/8.)
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
                 let c = up + sin * a;
-                let near = ((2.0 - 2.0 * c).max(0.0) + lobe.width2).min(1.0) < far;
-                if !near && c.abs() < reach && extent < FLAT && !self.is_bright(row, column) {
+                let near = c > near_from;
+                if !near && c.abs() < reach && flat && !self.is_bright(row, column) {
                     let down = 0.5 * dtheta * (cos * a - sin * lobe.axis.y);
                     let across = 0.5 * dphi * sin * (lobe.horizontal * lobe.horizontal - a * a).max(0.0).sqrt();
                     weights[column] = self.panorama.solid_angle(row) * flat_horizon(c, [down, across], lobe.kernel);
-                } else if near || c.abs() < reach {
+                } else if (near && c > -reach) || c.abs() < belt {
                     weights[column] = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
                 }
             }
@@ -212,7 +227,7 @@ impl<'a> FullSum<'a> {
                         lowest = if c.abs() < lowest { c.abs() } else { lowest };
                         largest = if c > largest { c } else { largest };
                     }
-                    if largest + slack > least_near || lowest - slack < reach {
+                    if largest + slack > near_from || lowest - slack < belt {
                         mend(start..start + stretch.len());
                     }
                 }
@@ -249,8 +264,8 @@ impl<'a> FullSum<'a> {
         let extent = theta.1.max(widest * phi.1);
         let reach = 0.5 * theta.1.hypot(widest * phi.1);
         let distance = ((lobe.axis - centre).length() - reach).max(0.0);
-        let delta = (lobe.width2 + distance * distance).sqrt().min(1.0);
         let c = lobe.axis.dot(centre);
+        let delta = lobe.kernel.smoothness(distance, c, reach);
         if c < -1.01 * reach {
             return 0.0;
         }
@@ -258,7 +273,7 @@ impl<'a> FullSum<'a> {
             // Cut at the horizon and at its crossings with the box's sides, a small box leaves polynomials of low degree, which
             // three points integrate exactly; a large one bends the horizon.
             Some(_) if c < 1.01 * reach => {
-                let rule = if extent < FLAT { 1 } else { RULES.len() - 1 };
+                let rule = if is_flat(extent, lobe.kernel) { 1 } else { RULES.len() - 1 };
                 self.product(patch, lobe, &self.rules[rule])
             }
             Some(rule) => self.product(patch, lobe, &self.rules[rule]),
@@ -313,17 +328,17 @@ impl<'a> FullSum<'a> {
 
 /// The mean of a kernel over a small texel that its horizon crosses: c in the middle, and half its change across height and width.
 ///
-/// K ≈ N (c)₊ (1 + 2βc), and c changes linearly over a flat texel: the mean of (c)₊ⁿ is Σ ± (c ± g ± h)₊ⁿ⁺² / ((n + 1)(n + 2) 4gh).
+/// K ≈ a (c)₊ + b (c)₊², and c changes linearly over a flat texel: the mean of (c)₊ⁿ is Σ ± (c ± g ± h)₊ⁿ⁺² / ((n + 1)(n + 2) 4gh).
 /// What the sphere's bending leaves out is some 1e-6 N for texels of 0.006 radians.
 pub(super) fn flat_horizon(c: f64, [g, h]: [f64; 2], kernel: &Kernel) -> f64 {
-    let (beta, _, norm) = kernel.coefficients();
+    let [a, b, _] = kernel.horizon();
     let (g, h) = (g.abs(), h.abs());
     let (long, short) = (g.max(h), g.min(h));
     let plus = |x: f64| if x > 0.0 { x } else { 0.0 };
     let [first, second] = if short < 1e-3 * long {
         // One side hardly matters: the mean over a line.
-        let (a, b) = (plus(c + long), plus(c - long));
-        [(a * a - b * b) / (4.0 * long), (a * a * a - b * b * b) / (6.0 * long)]
+        let (x, y) = (plus(c + long), plus(c - long));
+        [(x * x - y * y) / (4.0 * long), (x * x * x - y * y * y) / (6.0 * long)]
     } else {
         let corners = [plus(c + g + h), plus(c + g - h), plus(c - g + h), plus(c - g - h)];
         let third = corners.map(|x| x * x * x);
@@ -331,7 +346,13 @@ pub(super) fn flat_horizon(c: f64, [g, h]: [f64; 2], kernel: &Kernel) -> f64 {
         let sum = |v: [f64; 4]| (v[0] - v[1]) - (v[2] - v[3]);
         [sum(third) / (24.0 * g * h), sum(fourth) / (48.0 * g * h)]
     };
-    norm * (first + 2.0 * beta * second)
+    a * first + b * second
+}
+
+/// Whether a box is small enough for [`flat_horizon`]: as flat as [`FLAT`], and within what the kernel's first two terms hold for.
+pub(super) fn is_flat(extent: f64, kernel: &Kernel) -> bool {
+    let [_, _, length] = kernel.horizon();
+    extent < FLAT * (4.0 * length).min(1.0)
 }
 
 /// Σ weight × (value − base), in one order on every processor.
@@ -354,26 +375,18 @@ const STRETCH: usize = 32;
 
 /// Adds scale × K(up + sin × along) to the weights.
 #[inline(always)]
-fn add_line(weights: &mut [f64], along: &[f64], [up, sin, scale]: [f64; 3], kernel: &Kernel) {
-    let (beta, one_minus_beta, norm) = kernel.coefficients();
-    let scale = scale * norm;
+fn add_line<P: Profile>(weights: &mut [f64], along: &[f64], [up, sin, scale]: [f64; 3], kernel: &Kernel) {
     for (out, along) in weights.iter_mut().zip(along) {
         let c = up + sin * along;
-        let d = one_minus_beta + beta * (1.0 - c);
         let lit = if c > 0.0 { c } else { 0.0 };
-        *out += scale * lit / (d * d);
+        *out += scale * P::value(kernel, lit, 1.0 - lit);
     }
 }
 
 impl<'a> Lobe<'a> {
     /// The lobe about a unit axis.
     pub(super) fn new(axis: DVec3, kernel: &'a Kernel) -> Self {
-        Self { kernel, axis, azimuth: axis.z.atan2(axis.x), horizontal: axis.x.hypot(axis.z), width2: kernel.width2() }
-    }
-
-    /// Squared distance of the kernel's singularities from its axis.
-    pub(super) fn width2(&self) -> f64 {
-        self.width2
+        Self { kernel, axis, azimuth: axis.z.atan2(axis.x), horizontal: axis.x.hypot(axis.z) }
     }
 
     /// |axis − l|²/2 for l at (θ, azimuth + ψ): 1 − c without cancellation.

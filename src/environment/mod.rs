@@ -49,7 +49,7 @@ pub use fit::{CubeFit, Fit};
 pub use from_cube::from_cube;
 pub use full_sum::FullSum;
 pub use irradiance::irradiance_cube;
-pub use kernel::Kernel;
+pub use kernel::{Kernel, KernelKind};
 pub use layout::{InputLayout, Layout};
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
 pub use panorama::{Panorama, luminance};

@@ -18,8 +18,6 @@
 //! - The points are shared by all texels of a level: environment samples as they are, lobe samples turned towards R.
 //!   Errors of neighbouring texels are therefore alike: smooth, not grainy.
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -79,9 +77,9 @@ struct SharedSamples<'a> {
 /// A direction about +Z, with what the estimator needs of it.
 struct LobeSample {
     local: DVec3,
-    /// c and (1 − βc)².
-    cos: f64,
-    denominator: f64,
+    /// K/p and p, the density of the lobe's samples.
+    weight: f64,
+    pdf: f64,
 }
 
 /// A direction drawn from the environment, its radiance beyond the base and its density.
@@ -137,7 +135,6 @@ impl<'a> MonteCarlo<'a> {
 
 impl<'a> SharedSamples<'a> {
     fn new(environment: &'a EnvironmentSampler, kernel: Kernel, n: usize, seed: u64) -> Self {
-        let (beta, one_minus_beta, _) = kernel.coefficients();
         // Dimensions 0 and 1 for the lobe, and a scramble of its own for the environment: both get the best projection.
         let sets = |strategy: u64| {
             let replicate = move |r: usize| PointSet::<2>::new(seed, (2 * r) as u64 + strategy, n).points().to_vec();
@@ -146,11 +143,10 @@ impl<'a> SharedSamples<'a> {
         let lobe = |xi: [f64; 2]| {
             let (w, azimuth) = kernel.sample(xi);
             let sin = (w * (2.0 - w)).sqrt();
-            let d = one_minus_beta + beta * w;
             LobeSample {
                 local: DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), 1.0 - w),
-                cos: 1.0 - w,
-                denominator: d * d,
+                weight: kernel.weight(w),
+                pdf: kernel.pdf(w),
             }
         };
         let light = |xi: [f64; 2]| {
@@ -189,13 +185,11 @@ impl<'a> SharedSamples<'a> {
         Estimate { value, standard_error: std::array::from_fn(|c| (variance(c) / (r - 1.0)).sqrt()) }
     }
 
-    // Both strategies have n samples, so by the power heuristic each contributes K L p / (p_lobe² + p_light²), with the p
-    // of its own strategy. K = N c / d² and p_lobe = A / d², d = 1 − βc, A = (1 − β)/2π: with E = p_light d² that is
-    // N c L A / (A² + E²) for the lobe and N c L E / (A² + E²) for the lights, bounded however narrow the lobe is.
+    // Both strategies have n samples, so by the power heuristic each contributes K L p / (p_lobe² + p_light²), with the p of its own
+    // strategy. K/p_lobe is bounded however narrow the lobe is: that times L p_lobe p / (p_lobe² + p_light²). (The smallest number keeps
+    // 0/0 at 0, where neither strategy goes.)
 
     fn add_lobe_samples(&self, samples: &[LobeSample], frame: [DVec3; 3], texels: &mut Vec<usize>, sum: &mut [f64; 3]) {
-        let (_, one_minus_beta, norm) = self.kernel.coefficients();
-        let a = one_minus_beta / TAU;
         // All places first, then all texels: the processor can then wait for several of the latter at once.
         let [x, y, z] = frame;
         let direction = |s: &LobeSample| x * s.local.x + y * s.local.y + z * s.local.z;
@@ -203,20 +197,18 @@ impl<'a> SharedSamples<'a> {
         texels.extend(samples.iter().map(|sample| self.environment.locate(direction(sample))));
         for (sample, &texel) in samples.iter().zip(texels.iter()) {
             let (radiance, pdf) = self.environment.radiance_and_pdf(texel);
-            let e = pdf * sample.denominator;
-            let weight = norm * sample.cos * a / (a * a + e * e);
+            let lobe = sample.pdf * sample.pdf;
+            let weight = sample.weight * lobe / (lobe + pdf * pdf + f64::MIN_POSITIVE);
             add_scaled(sum, weight, radiance);
         }
     }
 
     fn add_light_samples(&self, samples: &[LightSample], axis: DVec3, sum: &mut [f64; 3]) {
-        let (beta, one_minus_beta, norm) = self.kernel.coefficients();
-        let a = one_minus_beta / TAU;
         for sample in samples {
-            let cos = axis.dot(sample.direction);
-            let d = one_minus_beta + beta * (1.0 - cos);
-            let e = sample.pdf * d * d;
-            let weight = norm * cos.max(0.0) * e / (a * a + e * e);
+            let w = 1.0 - axis.dot(sample.direction);
+            let lobe = self.kernel.pdf(w);
+            let both = lobe * lobe + sample.pdf * sample.pdf;
+            let weight = self.kernel.weight(w) * lobe * sample.pdf / (both + f64::MIN_POSITIVE);
             add_scaled(sum, weight, sample.radiance);
         }
     }

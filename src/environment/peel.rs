@@ -145,21 +145,15 @@ impl Peel {
     /// ∫ K(axis·l) over what was peeled off; `exact` integrates the texels near the lobe's peak and across its horizon.
     pub(super) fn evaluate(&self, axis: DVec3, kernel: &Kernel, exact: &FullSum) -> [f64; 3] {
         let lobe = Lobe::new(axis, kernel);
-        let (beta, one_minus_beta, norm) = kernel.coefficients();
-        let at = |(direction, solid_angle): (DVec3, f64)| {
-            let cos = axis.dot(direction);
-            let d = one_minus_beta + beta * (1.0 - cos);
-            norm * cos.max(0.0) / (d * d) * solid_angle
-        };
-        let [near, far] = [NEAR, FAR].map(|extents| (extents * self.extent).powi(2));
+        let at = |(direction, solid_angle): (DVec3, f64)| kernel.eval(1.0 - axis.dot(direction)) * solid_angle;
+        let [near, far] = [NEAR, FAR].map(|extents| kernel.rough_parts(extents * self.extent, self.extent));
         let mut sum = [0.0; 3];
         for texel in &self.texels {
             let cos = axis.dot(texel.middle.0);
-            // |axis − l|² = 2 − 2c, and the kernel's singularities lie width2 beyond; its cosine varies over one radian.
-            let distance2 = ((2.0 - 2.0 * cos) + lobe.width2()).min(1.0);
-            let weight = if distance2 < near || cos.abs() < self.extent {
+            let within = |[near_from, belt]: [f64; 2]| cos > near_from || cos.abs() < belt;
+            let weight = if within(near) {
                 exact.texel_weight(texel.index, &lobe)
-            } else if distance2 < far {
+            } else if within(far) {
                 texel.gauss.into_iter().map(at).sum()
             } else {
                 at(texel.middle)

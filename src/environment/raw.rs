@@ -9,7 +9,7 @@ use super::panorama::{Panorama, check_shape, row_solid_angle};
 use super::repair::{InputReport, Negatives, NonFinite, Policy, repair};
 use crate::colour::{Primaries, TargetColour};
 use crate::error::{Error, Result};
-use crate::format::{Image, ktx2::Texture, memory};
+use crate::format::{Image, Texture, memory};
 
 /// Texels as they were read.
 pub(super) struct Raw {
@@ -57,9 +57,8 @@ impl Raw {
 
     /// A texture: a cube, or a picture.
     pub(super) fn of_texture(texture: &Texture, asked: InputLayout) -> Result<Self> {
-        let n = texture.format.channels;
         let picture = |face: usize| {
-            let channels = ["R", "G", "B", "A"][..n].iter().map(|&name| name.to_owned()).collect();
+            let channels = texture.channel_names();
             let texels = texture.face(0, face).unwrap_or_default();
             let primaries = Some(texture.primaries);
             Image { width: texture.width, height: texture.height, channels, texels, metadata: vec![], primaries }

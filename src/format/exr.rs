@@ -16,9 +16,10 @@
 mod contain;
 mod read;
 
-pub use read::decode;
+pub use read::{decode, decode_with_number};
 
-use super::Image;
+use super::{Image, Texture};
+use crate::colour::Primaries;
 use crate::error::{Error, Result};
 use crate::pack::{Number, PackReport};
 use ::exr::block::UncompressedBlock;
@@ -51,6 +52,9 @@ const MAX_NAME: usize = 255;
 /// defined as something other than text (`compression`; `owner` is allowed); a size beyond 2³¹ − 1.
 pub fn encode<T: Copy + Into<f64>>(image: &Image<T>, number: Number) -> Result<(Vec<u8>, PackReport)> {
     image.check_shape()?;
+    if !number.is_signed() {
+        return Err(Error::usage(format!("OpenEXR cannot hold {number}"), "use f16 or f32"));
+    }
     check_names("channel", image.channels.iter().map(String::as_str), |_| false)?;
     check_names("metadata key", image.metadata.iter().map(|(key, _)| key.as_str()), |key| {
         standard_names::ALL.contains(&key) && !STANDARD_TEXTS.contains(&key)
@@ -72,6 +76,27 @@ pub fn encode<T: Copy + Into<f64>>(image: &Image<T>, number: Number) -> Result<(
         &packed[at..at + number.bytes()]
     });
     Ok((file.map_err(internal)?, report))
+}
+
+/// The file that holds `texture`, a picture of halves or f32.
+///
+/// **Errors**: as [`encode`]; also another texel format, mips, faces or slices.
+pub fn encode_texture(texture: &Texture) -> Result<Vec<u8>> {
+    texture.check_is_picture("exr")?;
+    let number = texture
+        .format
+        .number()
+        .filter(|number| number.is_signed())
+        .ok_or_else(|| Error::usage(format!("OpenEXR cannot hold {}", texture.format), "use f16 or f32"))?;
+    let image = Image {
+        width: texture.width,
+        height: texture.height,
+        channels: texture.channel_names(),
+        texels: texture.values(0),
+        metadata: texture.metadata.clone(),
+        primaries: Some(texture.primaries).filter(|&primaries| primaries != Primaries::REC709),
+    };
+    Ok(encode(&image, number)?.0)
 }
 
 fn check_names<'a>(
@@ -99,7 +124,7 @@ fn check_names<'a>(
 fn header<T>(image: &Image<T>, number: Number, order: &[usize]) -> Header {
     let sample_type = match number {
         Number::F16 => SampleType::F16,
-        Number::F32 => SampleType::F32,
+        _ => SampleType::F32, // encode has refused what is neither
     };
     let channels = order
         .iter()

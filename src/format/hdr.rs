@@ -1,6 +1,8 @@
-//! Radiance HDR (`.hdr`, `.pic`): read only.
+//! Radiance HDR (`.hdr`, `.pic`).
 //!
-//! - **Values**: mantissa · 2^(e − 136), exactly; exponent 0 is black. Then divided by the header's EXPOSURE and COLORCORR
+//! - **Written**: RGBE as [`crate::pack::rgbe`] rounds it, `-Y +X`, run lengths of the new kind where the width allows them (8 to 32767), no
+//!   exposure; metadata that fits a short line. A certificate does not.
+//! - **Values read**: mantissa · 2^(e − 136), exactly; exponent 0 is black. Then divided by the header's EXPOSURE and COLORCORR
 //!   (all of them multiplied together), by which the pixels had been multiplied, in f64, and rounded to f32.
 //! - **Colour**: the line `PRIMARIES=` holds x and y of red, green, blue and white; without it, or with zeros, nothing is said.
 //! - **Orientation**: all eight, brought to row 0 at the top and columns to the right.
@@ -12,6 +14,10 @@
 //!
 //! **Source**: Ward, "Real Pixels", Graphics Gems II (1991), for the pixel format; the keys and the order of the axes are
 //! those of the Radiance file format.
+
+mod write;
+
+pub use write::encode;
 
 use super::{Image, memory};
 use crate::colour::Primaries;

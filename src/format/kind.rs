@@ -1,6 +1,6 @@
 //! What a file is, by its first bytes.
 
-use super::{exr, hdr, ktx2};
+use super::{dds, env, exr, hdr, ktx1, ktx2, npy, source};
 
 /// What a file seems to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,25 +11,46 @@ pub enum FileKind {
     Hdr,
     /// KTX, version 2.
     Ktx2,
+    /// KTX, version 1.
+    Ktx1,
+    /// DirectDraw surface.
+    Dds,
+    /// PNG.
+    Png,
+    /// Babylon.js' environment.
+    Env,
+    /// NumPy's array.
+    Npy,
+    /// Source code that Kiln wrote.
+    Source,
     /// Nothing in it.
     Empty,
-    /// Something that Kiln does not read, in words and with its article: `a PNG picture`.
+    /// Something that Kiln does not read, in words and with its article: `a JPEG picture`.
     Other(&'static str),
 }
 
+/// The beginnings of files that Kiln reads.
+const OURS: [(&[u8], FileKind); 9] = [
+    (&exr::MAGIC, FileKind::Exr),
+    (hdr::MAGIC, FileKind::Hdr),
+    (&ktx2::MAGIC, FileKind::Ktx2),
+    (&ktx1::MAGIC, FileKind::Ktx1),
+    (dds::MAGIC, FileKind::Dds),
+    (b"\x89PNG\r\n\x1a\n", FileKind::Png),
+    (&env::MAGIC, FileKind::Env),
+    (npy::MAGIC, FileKind::Npy),
+    (source::MAGIC.as_bytes(), FileKind::Source),
+];
+
 /// The beginnings of files that people have by mistake.
-const OTHERS: [(&[u8], &str); 17] = [
-    (b"\x89PNG", "a PNG picture"),
+const OTHERS: [(&[u8], &str); 13] = [
     (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"DDS ", "a DDS texture"),
-    (b"\xabKTX 11\xbb", "a KTX texture of version 1"),
     (b"II*\0", "a TIFF picture"),
     (b"MM\0*", "a TIFF picture"),
     (b"GIF8", "a GIF picture"),
     (b"8BPS", "a Photoshop document"),
     (b"PF\n", "a PFM picture"),
     (b"Pf\n", "a PFM picture"),
-    (b"\x93NUMPY", "a NumPy array"),
     (b"PK\x03\x04", "a ZIP archive"),
     (b"\x1f\x8b", "a gzip archive"),
     (b"\x28\xb5\x2f\xfd", "a Zstandard archive"),
@@ -43,12 +64,8 @@ impl FileKind {
     pub fn of(bytes: &[u8]) -> Self {
         if bytes.is_empty() {
             Self::Empty
-        } else if bytes.starts_with(&exr::MAGIC) {
-            Self::Exr
-        } else if bytes.starts_with(hdr::MAGIC) {
-            Self::Hdr
-        } else if bytes.starts_with(&ktx2::MAGIC) {
-            Self::Ktx2
+        } else if let Some((_, kind)) = OURS.iter().find(|(magic, _)| bytes.starts_with(magic)) {
+            *kind
         } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
             Self::Other("a WebP picture")
         } else if let Some((_, kind)) = OTHERS.iter().find(|(magic, _)| bytes.starts_with(magic)) {
@@ -57,6 +74,23 @@ impl FileKind {
             Self::Other("a text file")
         } else {
             Self::Other("a file of an unknown kind")
+        }
+    }
+
+    /// What it is, in words and with its article.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Exr => "an OpenEXR",
+            Self::Hdr => "a Radiance HDR",
+            Self::Ktx2 => "a KTX2 texture",
+            Self::Ktx1 => "a KTX texture of version 1",
+            Self::Dds => "a DDS texture",
+            Self::Png => "a PNG picture",
+            Self::Env => "a Babylon.js environment",
+            Self::Npy => "a NumPy array",
+            Self::Source => "source code",
+            Self::Empty => "an empty file",
+            Self::Other(kind) => kind,
         }
     }
 }

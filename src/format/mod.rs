@@ -1,20 +1,42 @@
-//! Containers: one file per file format, pure translation between bytes and [`Image`] or [`ktx2::Texture`].
+//! Containers: one file per file format, pure translation between bytes and [`Texture`] or [`Image`].
 //!
-//! Only [`read_image`] and [`atomic`] touch the disk. What a file is, its first bytes say, not its name: [`FileKind`].
+//! Only [`read_image`], [`read`] and [`atomic`] touch the disk. What a file is, its first bytes say, not its name: [`FileKind`].
+//!
+//! # Reading any file
+//!
+//! [`decode`] takes the bytes of whatever Kiln writes or reads and gives a [`Decoded`]. Its values come as f32 per channel, whatever is stored
+//! ([`Decoded::values`], [`Texture::face`]), and its texel format says what one step of the packing is there:
+//! [`TexelFormat::ulp`](crate::pack::TexelFormat::ulp) where each channel is rounded on its own,
+//! [`TexelFormat::step`](crate::pack::TexelFormat::step) where it depends on the texel's largest channel, nothing for BC6H.
+//!
+//! # Writing any file
+//!
+//! A [`FormatSpec`] names a container and a packing; [`FormatSpec::texel`] is the texel format for a number of channels. Pack values into a
+//! [`Texture`] of that format ([`Texture::flat`], [`Texture::push_level`]), then [`encode`] it.
 
 pub mod atomic;
+pub mod dds;
+pub mod env;
 pub mod exr;
 pub mod hdr;
 mod kind;
+pub mod ktx1;
 pub mod ktx2;
 pub(crate) mod memory;
+pub mod npy;
+pub mod png;
+pub mod raw;
+pub mod source;
 mod spec;
+mod texture;
 
 pub use kind::FileKind;
-pub use spec::{Container, FormatSpec};
+pub use spec::{Container, FormatSpec, Packing, Variant};
+pub use texture::Texture;
 
 use crate::colour::Primaries;
 use crate::error::{Error, Result};
+use crate::pack::{Number, TexelFormat};
 use std::path::Path;
 
 /// A two-dimensional picture of named channels, linear, row 0 at the top.
@@ -129,6 +151,137 @@ impl<T: Copy> Image<T> {
     }
 }
 
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Decoded {
+    /// A picture of named channels, and how they were stored: of several, the coarsest.
+    Picture(Image, TexelFormat),
+    /// A texture.
+    Texture(Texture),
+    /// An array of numbers, and how they were stored.
+    Array(Array),
+}
+
+/// An array of numbers, last axis fastest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Array {
+    /// Lengths of the axes.
+    pub shape: Vec<usize>,
+    /// The numbers.
+    pub values: Vec<f64>,
+    /// How they were stored; nothing for what Kiln does not write (integers, f64).
+    pub number: Option<Number>,
+    /// Names along the last axis, where the file says them.
+    pub channels: Vec<String>,
+    /// Key/value pairs, where the file has such.
+    pub metadata: Vec<(String, String)>,
+}
+
+impl Decoded {
+    /// How texels were stored; nothing for an array of numbers that Kiln does not write.
+    pub fn format(&self) -> Option<TexelFormat> {
+        match self {
+            Self::Picture(_, format) => Some(*format),
+            Self::Texture(texture) => Some(texture.format),
+            Self::Array(array) => array.number.map(|number| TexelFormat::Plain { channels: 1, number }),
+        }
+    }
+
+    /// All values of level 0, channel fastest.
+    pub fn values(&self) -> Vec<f64> {
+        let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect();
+        match self {
+            Self::Picture(image, _) => wide(&image.texels),
+            Self::Texture(texture) => wide(&texture.values(0)),
+            Self::Array(array) => array.values.clone(),
+        }
+    }
+
+    /// What the metadata says under `key`.
+    pub fn metadata(&self, key: &str) -> Option<&str> {
+        let metadata = match self {
+            Self::Picture(image, _) => &image.metadata,
+            Self::Texture(texture) => &texture.metadata,
+            Self::Array(array) => &array.metadata,
+        };
+        metadata.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str())
+    }
+}
+
+/// The file of that format that holds `texture`, which must be packed as the format says: see [`FormatSpec::texel`].
+///
+/// **Errors**: a texture that the container cannot hold, with those that can.
+pub fn encode(spec: FormatSpec, texture: &Texture) -> Result<Vec<u8>> {
+    let wanted = spec.texel(texture.format.channels())?;
+    if wanted != texture.format {
+        return Err(Error::usage(
+            format!("{} of {} for a file of {spec}", texture.text(), texture.format),
+            format!("pack it as {wanted}"),
+        ));
+    }
+    match (spec.container(), spec.variant()) {
+        (Container::Ktx2, Variant::Zstd) => ktx2::encode_zstd(texture),
+        (Container::Ktx2, _) => ktx2::encode(texture),
+        (Container::Exr, _) => exr::encode_texture(texture),
+        (Container::Ktx1, _) => ktx1::encode(texture),
+        (Container::Dds, Variant::Legacy) => dds::encode_legacy(texture),
+        (Container::Dds, _) => dds::encode(texture),
+        (Container::Hdr, _) => hdr::encode(texture),
+        (Container::Png, _) => png::encode(texture),
+        (Container::Env, _) => env::encode(texture),
+        (Container::Npy, _) => npy::encode(texture),
+        (Container::Raw, _) => raw::encode(texture),
+        (language, _) => source::encode(language, texture).map(String::into_bytes),
+    }
+}
+
+/// What `bytes` hold, by their beginning.
+///
+/// **Errors**: a kind that Kiln does not read, which the message names; a broken file.
+pub fn decode(bytes: &[u8]) -> Result<Decoded> {
+    match FileKind::of(bytes) {
+        FileKind::Exr => {
+            let (image, number) = exr::decode_with_number(bytes)?;
+            let format = TexelFormat::Plain { channels: image.channels.len(), number };
+            Ok(Decoded::Picture(image, format))
+        }
+        FileKind::Hdr => hdr::decode(bytes).map(|image| Decoded::Picture(image, TexelFormat::Rgbe)),
+        FileKind::Ktx2 => ktx2::decode(bytes).map(Decoded::Texture),
+        FileKind::Ktx1 => ktx1::decode(bytes).map(Decoded::Texture),
+        FileKind::Dds => dds::decode(bytes).map(Decoded::Texture),
+        FileKind::Png => png::decode(bytes).map(Decoded::Texture),
+        FileKind::Env => env::decode(bytes).map(Decoded::Texture),
+        FileKind::Npy => npy::decode(bytes).map(Decoded::Array),
+        FileKind::Source => source::decode(bytes).map(Decoded::Array),
+        FileKind::Empty => Err(Error::invalid("an empty file", "copy or download it again")),
+        FileKind::Other(kind) => Err(Error::unsupported(
+            format!("{kind}, which Kiln does not read"),
+            "give an .exr, .hdr, .ktx2, .ktx, .dds, .png, .env or .npy",
+        )),
+    }
+}
+
+/// JSON without a letter beyond ASCII, which some readers take for something else.
+fn ascii_json(json: &str) -> String {
+    let mut ascii = String::with_capacity(json.len());
+    for c in json.chars() {
+        if c.is_ascii() {
+            ascii.push(c);
+        } else {
+            c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| ascii += &format!("\\u{unit:04x}"));
+        }
+    }
+    ascii
+}
+
+/// What the file at `path` holds, whatever its extension says.
+///
+/// **Errors**: a path that cannot be read; otherwise as [`decode`].
+pub fn read(path: &Path) -> Result<Decoded> {
+    let bytes = std::fs::read(path).map_err(|source| Error::reading(path, source))?;
+    decode(&bytes).map_err(|error| error.in_file(path))
+}
+
 /// The picture in the file at `path`, an OpenEXR or a Radiance HDR, whatever its extension says.
 ///
 /// **Errors**: a path that cannot be read; a file of another kind, which the message names; a broken file.
@@ -145,9 +298,9 @@ pub fn decode_image(bytes: &[u8]) -> Result<Image> {
     match FileKind::of(bytes) {
         FileKind::Exr => exr::decode(bytes),
         FileKind::Hdr => hdr::decode(bytes),
-        FileKind::Ktx2 => Err(Error::unsupported("a KTX2 texture, where a picture was wanted", WAY_OUT)),
         FileKind::Empty => Err(Error::invalid("an empty file", "copy or download it again")),
         FileKind::Other(kind) => Err(Error::unsupported(format!("{kind}, which Kiln does not read"), WAY_OUT)),
+        kind => Err(Error::unsupported(format!("{}, where a picture was wanted", kind.text()), WAY_OUT)),
     }
 }
 

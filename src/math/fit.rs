@@ -131,9 +131,8 @@ impl<const N: usize> LeastSquares<N> {
             }
         }
         // Whatever round was the last, no value is beyond a bound that its start respects.
-        let within = |(start, change): (&f64, &f64)| {
-            (start + change).clamp(bounds[0].min(*start), bounds[1].max(*start))
-        };
+        let within =
+            |(start, change): (&f64, &f64)| (start + change).clamp(bounds[0].min(*start), bounds[1].max(*start));
         fitted.values = start.iter().zip(&change).map(within).collect();
         fitted.bounded = held.iter().filter(|held| **held).count();
         fitted

@@ -1,10 +1,30 @@
 //! Texel formats: what a value becomes in a file, and by how much that changes it.
 //!
-//! One file per number format. Each states, at its head, its rounding and what becomes of negatives, overflow and NaN;
-//! nothing is changed in silence: a [`PackReport`] counts it.
+//! One file per packing. Each states, at its head, its rounding and what becomes of negatives, overflow and NaN;
+//! nothing is changed in silence: a [`PackReport`] counts it. [`TexelFormat`] is the list of them all.
+//!
+//! | what is stored | files | one step at a value |
+//! | --- | --- | --- |
+//! | a number per channel | [`binary16`], [`binary32`], [`unorm`], [`b10g11r11`] | [`TexelFormat::ulp`], whatever the other channels hold |
+//! | three mantissas, one exponent | [`rgb9e5`], [`rgbe`] | [`TexelFormat::step`], by the texel's largest channel |
+//! | three codes, one factor | [`rgbm`], [`rgbp`], [`rgbd`] | [`TexelFormat::step`], likewise |
+//! | blocks of 4 × 4 | [`bc6h`] | none: what a block can hold, its sixteen texels decide |
 
+pub mod b10g11r11;
+pub mod bc6h;
 pub mod binary16;
 pub mod binary32;
+mod factor;
+pub mod rgb9e5;
+pub mod rgbd;
+pub mod rgbe;
+pub mod rgbm;
+pub mod rgbp;
+mod texel;
+mod triple;
+pub mod unorm;
+
+pub use texel::TexelFormat;
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -19,29 +39,32 @@ pub enum Number {
     F16,
     /// IEEE 754 binary32.
     F32,
-}
-
-/// Channels × number: `r16f`, `rg16f`, `rgba16f`, `r32f`, `rg32f`, `rgba32f`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct TexelFormat {
-    /// 1, 2 or 4.
-    pub channels: usize,
-    /// How each channel is stored.
-    pub number: Number,
+    /// 0 to 1 in 255 steps.
+    Unorm8,
+    /// 0 to 1 in 65535 steps.
+    Unorm16,
 }
 
 /// What packing did to the values.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct PackReport {
-    /// Largest |unpacked − value| over the finite values that did not overflow.
+    /// Largest |unpacked − value| over the finite values that the format has room for: neither overflowed, nor negative in a format
+    /// without a sign.
     pub max_abs_error: f64,
     /// Values beyond the largest finite number of the format, stored as that number.
     pub overflowed: u64,
-    /// Values below zero (stored as they are by the float formats).
+    /// Values below zero (stored as they are by f16 and f32, as 0 by every other format).
     pub negative: u64,
-    /// NaN and infinities (stored as they are by the float formats; a baked table never has any).
+    /// NaN and infinities (stored as they are by f16 and f32; elsewhere NaN as 0, infinity as the largest number; a baked table never
+    /// has any).
     pub nonfinite: u64,
+    /// Of BC6H, the largest |unpacked − value| in parts of the brightest value of its block; 0 of every other format.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub max_block_error: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl PackReport {
@@ -52,17 +75,36 @@ impl PackReport {
             overflowed: self.overflowed + other.overflowed,
             negative: self.negative + other.negative,
             nonfinite: self.nonfinite + other.nonfinite,
+            max_block_error: self.max_block_error.max(other.max_block_error),
         }
     }
 }
 
 impl Number {
+    /// Every number format that there is.
+    pub const ALL: [Self; 4] = [Self::F32, Self::F16, Self::Unorm8, Self::Unorm16];
+
     /// Bytes that one number takes.
     pub fn bytes(self) -> usize {
         match self {
-            Self::F16 => 2,
+            Self::Unorm8 => 1,
+            Self::F16 | Self::Unorm16 => 2,
             Self::F32 => 4,
         }
+    }
+
+    /// The largest finite number.
+    pub fn largest(self) -> f64 {
+        match self {
+            Self::F16 => binary16::MAX,
+            Self::F32 => f64::from(f32::MAX),
+            Self::Unorm8 | Self::Unorm16 => 1.0,
+        }
+    }
+
+    /// Whether values below zero keep their sign.
+    pub fn is_signed(self) -> bool {
+        matches!(self, Self::F16 | Self::F32)
     }
 
     /// Packs `values`, little-endian.
@@ -70,6 +112,8 @@ impl Number {
         match self {
             Self::F16 => binary16::pack(values),
             Self::F32 => binary32::pack(values),
+            Self::Unorm8 => unorm::pack8(values),
+            Self::Unorm16 => unorm::pack16(values),
         }
     }
 
@@ -78,6 +122,8 @@ impl Number {
         match self {
             Self::F16 => binary16::unpack(bytes),
             Self::F32 => binary32::unpack(bytes),
+            Self::Unorm8 => unorm::unpack8(bytes),
+            Self::Unorm16 => unorm::unpack16(bytes),
         }
     }
 
@@ -91,6 +137,8 @@ impl Number {
         match self {
             Self::F16 => binary16::ulp(value),
             Self::F32 => binary32::ulp(value),
+            Self::Unorm8 => unorm::STEP8,
+            Self::Unorm16 => unorm::STEP16,
         }
     }
 }
@@ -100,6 +148,8 @@ impl fmt::Display for Number {
         f.write_str(match self {
             Self::F16 => "f16",
             Self::F32 => "f32",
+            Self::Unorm8 => "unorm8",
+            Self::Unorm16 => "unorm16",
         })
     }
 }
@@ -108,83 +158,15 @@ impl FromStr for Number {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        match name {
-            "f16" => Ok(Self::F16),
-            "f32" => Ok(Self::F32),
-            _ => Err(Error::usage(format!("unknown number format `{name}`"), "use f16 or f32")),
-        }
-    }
-}
-
-impl TexelFormat {
-    /// Every texel format that there is.
-    pub const ALL: [Self; 6] = {
-        use Number::{F16, F32};
-        [Self::of(1, F16), Self::of(2, F16), Self::of(4, F16), Self::of(1, F32), Self::of(2, F32), Self::of(4, F32)]
-    };
-
-    const fn of(channels: usize, number: Number) -> Self {
-        Self { channels, number }
-    }
-
-    /// The format of `channels` numbers each.
-    ///
-    /// **Errors**: any count but 1, 2 or 4.
-    pub fn new(channels: usize, number: Number) -> Result<Self> {
-        match channels {
-            1 | 2 | 4 => Ok(Self { channels, number }),
-            _ => Err(Error::usage(
-                format!("a texel of {channels} channels, where formats have 1, 2 or 4"),
-                "add channels, or split them over several files",
-            )),
-        }
-    }
-
-    /// Bytes that one texel takes.
-    pub fn bytes(self) -> usize {
-        self.channels * self.number.bytes()
-    }
-
-    /// The names of all texel formats, separated by commas.
-    pub fn names() -> String {
-        Self::ALL.map(|format| format.to_string()).join(", ")
-    }
-}
-
-impl fmt::Display for TexelFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // A slice of the channels' letters: r, rg, (rgb), rgba.
-        let letters = &"rgba"[..self.channels.min(4)];
-        write!(f, "{letters}{}f", 8 * self.number.bytes())
-    }
-}
-
-impl FromStr for TexelFormat {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|format| format.to_string() == name).ok_or_else(|| {
-            Error::usage(format!("unknown texel format `{name}`"), format!("use one of {}", Self::names()))
+        Self::ALL.into_iter().find(|number| number.to_string() == name).ok_or_else(|| {
+            let names = Self::ALL.map(|number| number.to_string()).join(", ");
+            Error::usage(format!("unknown number format `{name}`"), format!("use one of {names}"))
         })
     }
 }
 
-impl TryFrom<String> for TexelFormat {
-    type Error = Error;
-
-    fn try_from(name: String) -> Result<Self> {
-        name.parse()
-    }
-}
-
-impl From<TexelFormat> for String {
-    fn from(format: TexelFormat) -> Self {
-        format.to_string()
-    }
-}
-
-/// Packs each value by `nearest`, which gives its bytes and the value that they stand for; finite values beyond `max` are
-/// brought back to it first.
+/// Packs each value by `nearest`, which gives its bytes and the value that they stand for, and takes whatever is not finite; finite values
+/// beyond `±max` are brought back to it first.
 fn pack_each<T: Copy + Into<f64>, const N: usize>(
     values: &[T],
     max: f64,
@@ -249,32 +231,21 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn texel_formats_are_what_their_names_say() {
-        for format in TexelFormat::ALL {
-            assert_eq!(format.to_string().parse::<TexelFormat>().unwrap(), format);
-            let json = serde_json::to_string(&format).unwrap();
-            assert_eq!(json, format!("\"{format}\""));
-            assert_eq!(serde_json::from_str::<TexelFormat>(&json).unwrap(), format);
+    fn number_formats_are_what_their_names_say() {
+        for number in Number::ALL {
+            assert_eq!(number.to_string().parse::<Number>().unwrap(), number);
+            assert_eq!(serde_json::to_string(&number).unwrap(), format!("\"{number}\""));
         }
-        assert_eq!(TexelFormat::names(), "r16f, rg16f, rgba16f, r32f, rg32f, rgba32f");
-        assert_eq!("rg16f".parse::<TexelFormat>().unwrap().bytes(), 4);
-        assert_eq!("rgba32f".parse::<TexelFormat>().unwrap().bytes(), 16);
-    }
-
-    #[test]
-    fn unknown_formats_are_refused_with_the_list_of_known_ones() {
-        for name in ["rgb16f", "", "RG16F", "rg16", "rg8", "bc6h"] {
-            let message = name.parse::<TexelFormat>().unwrap_err().to_string();
-            assert!(message.contains("; use one of r16f, rg16f"), "{message}");
-        }
-        assert!(TexelFormat::new(3, Number::F16).is_err());
-        assert!("f64".parse::<Number>().unwrap_err().to_string().ends_with("; use f16 or f32"));
+        assert!("f64".parse::<Number>().unwrap_err().to_string().ends_with("; use one of f32, f16, unorm8, unorm16"));
     }
 
     #[test]
     fn reports_merge_by_largest_error_and_summed_counts() {
-        let a = PackReport { max_abs_error: 0.5, overflowed: 1, negative: 2, nonfinite: 3 };
-        let b = PackReport { max_abs_error: 0.25, overflowed: 10, negative: 20, nonfinite: 30 };
-        assert_eq!(a.merge(b), PackReport { max_abs_error: 0.5, overflowed: 11, negative: 22, nonfinite: 33 });
+        let a = PackReport { max_abs_error: 0.5, overflowed: 1, negative: 2, nonfinite: 3, max_block_error: 0.0 };
+        let b = PackReport { max_abs_error: 0.25, overflowed: 10, negative: 20, nonfinite: 30, max_block_error: 0.125 };
+        assert_eq!(
+            a.merge(b),
+            PackReport { max_abs_error: 0.5, overflowed: 11, negative: 22, nonfinite: 33, max_block_error: 0.125 }
+        );
     }
 }

@@ -13,7 +13,7 @@ use std::str::FromStr;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Layout {
-    /// A three-dimensional texture (KTX2).
+    /// A three-dimensional texture (KTX2, KTX1, DDS), or an array of three axes and the channels (NPY, raw, source code).
     Volume,
     /// A layer of channels per slice, `slice00.` and so on (EXR).
     Slices,
@@ -28,8 +28,9 @@ impl Layout {
     /// The layout that a container has for three axes unless told otherwise.
     pub fn of(format: FormatSpec) -> Self {
         match format.container() {
-            Container::Ktx2 => Self::Volume,
             Container::Exr => Self::Slices,
+            container if container.has_volumes() => Self::Volume,
+            _ => Self::Atlas { columns: 0 },
         }
     }
 }
@@ -113,7 +114,7 @@ impl Arrangement {
             };
         }
         match (layout.unwrap_or(Layout::of(format)), format.container()) {
-            (Layout::Volume, Container::Ktx2) => Ok(Self { volume: true, ..whole }),
+            (Layout::Volume, container) if container.has_volumes() => Ok(Self { volume: true, ..whole }),
             (Layout::Slices, Container::Exr) => Ok(Self { layers: depth, size: [width, height, 1], ..whole }),
             (Layout::Atlas { columns }, _) => {
                 // Nearly square in texels: as many columns as rows, corrected for the shape of a slice.

@@ -3,14 +3,14 @@
 use super::bake::{Evaluator, Table};
 use crate::error::Result;
 use crate::integrate::{ErrorKind, Estimate, Integration, Settings};
-use crate::pack::Number;
+use crate::pack::{Number, TexelFormat};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How many values of a table are known to be the right ones of their number format.
 ///
-/// For a half float that is the nearest one: all of [value − error, value + error] rounds to it. For an f32 it is one within an
-/// ulp, or within 1e-8 where that is more. Values by Monte Carlo are not counted: nothing bounds their errors.
+/// For an f32 that is one within an ulp, or within 1e-8 where that is more; for every other number (halves, unorm, the floats of 11 and 10
+/// bits) it is the nearest one: all of [value − error, value + error] rounds to it. Values by Monte Carlo are not counted: nothing bounds their errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rounding {
@@ -40,20 +40,25 @@ const STEP: f64 = 1.0 / 64.0;
 const ATTEMPTS: usize = 5;
 
 /// Whether it is decided what `value` becomes.
-fn is_decided(number: Number, value: f64, error: f64) -> bool {
-    match number {
-        Number::F16 => number.rounds_alike(value - error, value + error),
-        Number::F32 => {
-            let ulp = number.ulp(value);
+fn is_decided(format: TexelFormat, channel: usize, value: f64, error: f64) -> bool {
+    match format.number() {
+        Some(Number::F32) => {
+            let ulp = Number::F32.ulp(value);
             error + 0.5 * ulp <= ulp.max(F32_ERROR)
         }
+        _ => format.rounds_alike(channel, value - error, value + error),
     }
 }
 
 /// Integrates until every value's rounding is decided, or a finer rule no longer makes it surer.
 ///
+/// Where channels are not rounded on their own, nothing is done.
+///
 /// **Errors**: those of the integrator.
-pub fn decide(table: &mut Table, number: Number, integration: &Integration) -> Result<Rounding> {
+pub fn decide(table: &mut Table, format: TexelFormat, integration: &Integration) -> Result<Rounding> {
+    if !format.is_per_channel() {
+        return Ok(Rounding::default());
+    }
     let spec = table.spec.clone();
     let kinds = table.kinds.clone();
     let bounded: Vec<bool> = kinds.iter().map(|&kind| kind == ErrorKind::Bound).collect();
@@ -67,7 +72,7 @@ pub fn decide(table: &mut Table, number: Number, integration: &Integration) -> R
         .map(|(texel, (values, errors))| {
             let at = spec.point(texel);
             let finer = |tolerance| evaluate(&evaluator, &at, integration, tolerance);
-            decide_texel(number, &bounded, values, errors, finer)
+            decide_texel(format, &bounded, values, errors, finer)
         })
         .try_reduce(Rounding::default, |a, b| Ok(a.merge(b)))
 }
@@ -83,14 +88,14 @@ fn evaluate(
 }
 
 fn decide_texel(
-    number: Number,
+    format: TexelFormat,
     bounded: &[bool],
     values: &mut [f64],
     errors: &mut [f64],
     finer: impl Fn(f64) -> Result<Vec<Estimate>>,
 ) -> Result<Rounding> {
     let open = |values: &[f64], errors: &[f64]| -> Vec<usize> {
-        (0..values.len()).filter(|&c| bounded[c] && !is_decided(number, values[c], errors[c])).collect()
+        (0..values.len()).filter(|&c| bounded[c] && !is_decided(format, c, values[c], errors[c])).collect()
     };
     let first = open(values, errors);
     let mut left = first.clone();
@@ -115,19 +120,22 @@ fn decide_texel(
 mod tests {
     use super::*;
 
+    const F16: TexelFormat = TexelFormat::Plain { channels: 2, number: Number::F16 };
+    const F32: TexelFormat = TexelFormat::Plain { channels: 2, number: Number::F32 };
+
     #[test]
     fn a_half_is_decided_where_no_tie_lies_within_the_error() {
         let tie = 0.5 + 0.5 * 2.0_f64.powi(-11); // between 0.5 and the next half
-        assert!(!is_decided(Number::F16, tie + 1e-9, 2e-9));
-        assert!(is_decided(Number::F16, tie + 1e-9, 0.5e-9));
-        assert!(is_decided(Number::F16, 0.5, 1e-5) && is_decided(Number::F16, 0.3, 0.0));
+        assert!(!is_decided(F16, 0, tie + 1e-9, 2e-9));
+        assert!(is_decided(F16, 0, tie + 1e-9, 0.5e-9));
+        assert!(is_decided(F16, 0, 0.5, 1e-5) && is_decided(F16, 0, 0.3, 0.0));
     }
 
     #[test]
     fn an_f32_is_decided_within_an_ulp_or_1e_8() {
         let ulp = Number::F32.ulp(0.7);
-        assert!(is_decided(Number::F32, 0.7, 0.5 * ulp) && !is_decided(Number::F32, 0.7, 0.51 * ulp));
-        assert!(is_decided(Number::F32, 1e-4, 0.9e-8) && !is_decided(Number::F32, 1e-4, 1.1e-8));
+        assert!(is_decided(F32, 0, 0.7, 0.5 * ulp) && !is_decided(F32, 0, 0.7, 0.51 * ulp));
+        assert!(is_decided(F32, 0, 1e-4, 0.9e-8) && !is_decided(F32, 0, 1e-4, 1.1e-8));
     }
 
     #[test]
@@ -135,7 +143,7 @@ mod tests {
         let truth = 0.5 + 0.5 * 2.0_f64.powi(-11) - 1e-12;
         let (mut values, mut errors) = ([truth + 0.7e-7, 0.25], [1e-7, 1e-7]);
         let finer = |tolerance: f64| Ok(vec![Estimate::bound(truth + 0.7 * tolerance, tolerance); 2]);
-        let found = decide_texel(Number::F16, &[true, false], &mut values, &mut errors, finer).unwrap();
+        let found = decide_texel(F16, &[true, false], &mut values, &mut errors, finer).unwrap();
         assert_eq!(found, Rounding { certified: 1, undecided: 0, refined: 1 });
         assert!((values[0] - truth).abs() <= errors[0] && errors[0] < 1e-12, "{}", errors[0]);
         assert_eq!(values[1], 0.25, "a value by Monte Carlo stays");
@@ -146,7 +154,7 @@ mod tests {
         let tie = 0.5 + 0.5 * 2.0_f64.powi(-11);
         let (mut values, mut errors) = ([tie], [1e-7]);
         let finer = |_| Ok(vec![Estimate::bound(tie, 1e-10)]);
-        let found = decide_texel(Number::F16, &[true], &mut values, &mut errors, finer).unwrap();
+        let found = decide_texel(F16, &[true], &mut values, &mut errors, finer).unwrap();
         assert_eq!((found.undecided, found.certified), (1, 0));
     }
 }

@@ -1,12 +1,12 @@
 //! Verification of an environment's files.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, largest, texel_digest, ulp};
+use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::{CubeLookup, Panorama, spherical_harmonics};
 use crate::error::{Error, Result};
-use crate::format::{FormatSpec, ktx2};
+use crate::format::Texture;
 use crate::recipe::EnvironmentRecipe;
 use glam::DVec3;
 use std::path::Path;
@@ -27,11 +27,8 @@ pub(super) fn verify(
             let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
-            let FormatSpec::Ktx2(format) = recipe.format else {
-                unreachable!("EnvironmentRecipe::check allows KTX2 only")
-            };
-            let judged =
-                EnvironmentValues { levels: &levels, ulp: ulp(format.number), largest: largest(format.number) };
+            let precision = precision(recipe.cube_format()?, &levels, certificate.packing.max_block_error);
+            let judged = EnvironmentValues { levels: &levels, precision };
             report
                 .checks
                 .extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
@@ -113,7 +110,7 @@ fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Optio
 }
 
 /// The cubes of a texture, with what the certificate claims of each.
-fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
     // Which of the two cubes this is, the file says.
@@ -138,7 +135,7 @@ fn levels(texture: &ktx2::Texture, certificate: &Certificate, recipe: &Environme
             let mut texels = vec![];
             for face in 0..6 {
                 let values = texture.face(m, face).unwrap_or_default();
-                texels.extend(values.chunks_exact(texture.format.channels).map(|t| [t[0], t[1], t[2]]));
+                texels.extend(values.chunks_exact(texture.format.channels()).map(|t| [t[0], t[1], t[2]]));
             }
             let wanted = if level.name == IRRADIANCE { 1.0 } else { roughness.get(m).copied().unwrap_or(f64::NAN) };
             if texels.len() != 6 * size * size || level.roughness != wanted {

@@ -3,7 +3,7 @@
 use super::{Content, Options, Report, digest_check};
 use crate::bake::texel_digest;
 use crate::certificate::Certificate;
-use crate::check::{Check, TableValues};
+use crate::check::{Check, Precision, TableValues};
 use crate::error::{Error, Result};
 use crate::integrate::Integration;
 use crate::recipe::TableRecipe;
@@ -25,8 +25,9 @@ pub(super) fn verify(
     let errors = claimed_errors(certificate, &spec, &integration);
     let kinds = spec.error_kinds(&integration);
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
-    let number = Some(recipe.format.number());
-    let judged = TableValues { spec: &spec, values: &values, errors: &errors, kinds: &kinds, number };
+    let block_error = certificate.packing.max_block_error;
+    let precision = Precision::new(recipe.texel_format()?, values.iter().copied(), block_error);
+    let judged = TableValues { spec: &spec, values: &values, errors: &errors, kinds: &kinds, precision };
     let mut checks: Vec<Check> =
         digest_check(path, certificate, &texel_digest([texels.as_slice()])).into_iter().collect();
     checks.extend(judged.facts());
@@ -85,7 +86,7 @@ fn texels(content: &Content, spec: &TableSpec, arrangement: &Arrangement) -> Res
         }
         Content::Texture(texture) => {
             same_size([texture.width, texture.height, texture.depth.max(1)])?;
-            let stored = texture.format.channels;
+            let stored = texture.format.channels();
             if texture.faces != 1 || stored < n {
                 return Err(Error::invalid(
                     format!("{} faces of {stored} channels, where the certificate says a table of {n}", texture.faces),

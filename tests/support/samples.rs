@@ -1,7 +1,6 @@
 //! Small valid pictures and textures, made in code, and a generator of random numbers.
 
-use kiln::format::Image;
-use kiln::format::ktx2::Texture;
+use kiln::format::{Image, Texture};
 use kiln::pack::TexelFormat;
 
 /// SplitMix64: small, and the same everywhere.
@@ -42,24 +41,15 @@ pub fn picture(width: usize, height: usize, channels: &[&str]) -> Image<f64> {
 /// A cube map of random texels with all its mips, and metadata.
 pub fn cube(format: TexelFormat, size: usize) -> Texture {
     let mut random = Random(9);
-    let sizes = (0..=size.ilog2()).map(|level| size >> level);
-    let levels = sizes
-        .map(|size| {
-            let values: Vec<f64> = (0..6 * size * size * format.channels).map(|_| 100.0 * random.unit()).collect();
-            format.number.pack(&values).0
-        })
-        .collect();
-    let metadata = vec![("kiln.recipe".into(), "{}".into()), ("author".into(), "β".into())];
-    Texture {
-        format,
-        width: size,
-        height: size,
-        depth: 0,
-        faces: 6,
-        levels,
-        metadata,
-        primaries: kiln::colour::Primaries::REC709,
+    let mut texture = Texture::empty_cube(format, size);
+    for size in (0..=size.ilog2()).map(|level| size >> level) {
+        // Within what the format holds, which may be 1.
+        let most = format.largest(0).min(100.0);
+        let values: Vec<f64> = (0..6 * size * size * format.channels()).map(|_| most * random.unit()).collect();
+        texture.push_level(&values).expect("a level of its size");
     }
+    texture.metadata = vec![("kiln.recipe".into(), "{}".into()), ("author".into(), "β".into())];
+    texture
 }
 
 /// A Radiance picture: 16 × 4, run lengths in every second row, the others flat.

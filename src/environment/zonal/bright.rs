@@ -2,7 +2,7 @@
 //!
 //! A texel's mean of K(R·l) is K(c̄) + K″(c̄) (g₁² + g₂²)/6, c̄ = R·(mean of l), g₁ and g₂ half the change of c across its height and
 //! its width; what is left out is of fourth order in extent/distance. Texels too close for that are integrated exactly; those that
-//! the horizon crosses take the integral of N (c)₊ (1 + 2βc) over a flat texel, or, where they are bright enough for a flat texel
+//! the horizon crosses take the integral of the first two terms of K over a flat texel, or, where they are bright enough for a flat texel
 //! not to be enough, the exact one.
 
 use std::f64::consts::{PI, TAU};
@@ -10,8 +10,8 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::lanes::{InstructionSet, LANES, V, ZERO, total};
-use crate::environment::full_sum::{FullSum, Lobe, flat_horizon};
-use crate::environment::kernel::Kernel;
+use crate::environment::full_sum::{FullSum, Lobe, flat_horizon, is_flat};
+use crate::environment::kernel::{Kernel, Profile, with_profile};
 use crate::environment::panorama::Panorama;
 use crate::environment::peel::Peel;
 use crate::math::quadrature::gauss_legendre;
@@ -78,14 +78,11 @@ impl Bright {
         if self.blocks.is_empty() {
             return [0.0; 3];
         }
-        // d = 1 − βc is small where the texel is near the singularities: d = (1 − β) + β|R − l|²/2, |R − l|² + width² ≥ near².
-        let (beta, one_minus_beta, _) = kernel.coefficients();
-        let beyond = (NEAR * self.extent).powi(2) - kernel.width2();
-        let near = if beyond > 0.0 { one_minus_beta + 0.5 * beta * beyond } else { 0.0 };
+        let near = kernel.rough_parts(NEAR * self.extent, self.reach);
         let mut special = vec![];
         let sum = instructions.run(
             #[inline(always)]
-            || self.sum(axis, kernel, near, &mut special),
+            || with_profile!(kernel, P => self.sum::<P>(axis, kernel, near, &mut special)),
         );
         let mut sum = [total(sum[0]), total(sum[1]), total(sum[2])];
         if special.is_empty() {
@@ -94,7 +91,7 @@ impl Bright {
         let lobe = Lobe::new(axis, kernel);
         for i in special {
             let (block, lane) = (&self.blocks[i / LANES], i % LANES);
-            let weight = self.special(i, axis, kernel, &lobe, near, exact);
+            let weight = self.special(i, axis, kernel, &lobe, near[0], exact);
             (0..3).for_each(|c| sum[c] += weight * block.flux[c][lane]);
         }
         sum
@@ -102,8 +99,13 @@ impl Bright {
 
     /// The sum over the texels that take the second order, and a list of those that do not.
     #[inline(always)]
-    fn sum(&self, axis: DVec3, kernel: &Kernel, near: f64, special: &mut Vec<usize>) -> [V; 3] {
-        let (beta, one_minus_beta, norm) = kernel.coefficients();
+    fn sum<P: Profile>(
+        &self,
+        axis: DVec3,
+        kernel: &Kernel,
+        [near_from, belt]: [f64; 2],
+        special: &mut Vec<usize>,
+    ) -> [V; 3] {
         let mut sums = [ZERO; 3];
         for (b, block) in self.blocks.iter().enumerate() {
             let mut weights = ZERO;
@@ -112,12 +114,10 @@ impl Bright {
                 let c = axis.x * block.middle[0][i] + axis.y * block.middle[1][i] + axis.z * block.middle[2][i];
                 let g = axis.x * block.down[0][i] + axis.y * block.down[1][i] + axis.z * block.down[2][i];
                 let h = axis.x * block.across[0][i] + axis.z * block.across[1][i];
-                let d = one_minus_beta + beta * (1.0 - c);
-                let r = 1.0 / d;
-                // K″ = N (4β/d³ + 6β²c/d⁴).
-                let curvature = (4.0 * beta + 6.0 * beta * beta * c * r) * r;
-                let value = norm * r * r * (c + curvature * (g * g + h * h) / 6.0);
-                let odd = c.abs() < self.reach || (d < near && c > 0.0);
+                let lit = if c > 0.0 { c } else { 0.0 };
+                let curvature = P::curvature(kernel, lit, 1.0 - lit);
+                let value = P::value(kernel, lit, 1.0 - lit) + curvature * (g * g + h * h) / 6.0;
+                let odd = c.abs() < belt || (c > near_from && c > 0.0);
                 any |= odd;
                 *weight = if c > 0.0 && !odd { value } else { 0.0 };
             }
@@ -127,8 +127,7 @@ impl Bright {
             if any {
                 for i in 0..LANES {
                     let c = axis.x * block.middle[0][i] + axis.y * block.middle[1][i] + axis.z * block.middle[2][i];
-                    let d = one_minus_beta + beta * (1.0 - c);
-                    if (c.abs() < self.reach || (d < near && c > 0.0)) && b * LANES + i < self.peel.len() {
+                    if (c.abs() < belt || (c > near_from && c > 0.0)) && b * LANES + i < self.peel.len() {
                         special.push(b * LANES + i);
                     }
                 }
@@ -138,12 +137,12 @@ impl Bright {
     }
 
     /// The mean of K over one texel that the second order is not for.
-    fn special(&self, i: usize, axis: DVec3, kernel: &Kernel, lobe: &Lobe, near: f64, exact: &FullSum) -> f64 {
+    fn special(&self, i: usize, axis: DVec3, kernel: &Kernel, lobe: &Lobe, near_from: f64, exact: &FullSum) -> f64 {
         let (block, lane) = (&self.blocks[i / LANES], i % LANES);
         let [x, y, z] = block.middle.map(|v| v[lane]);
         let c = axis.dot(DVec3::new(x, y, z));
-        let (beta, one_minus_beta, _) = kernel.coefficients();
-        if one_minus_beta + beta * (1.0 - c) < near || i < BRIGHTEST {
+        let flat = c.abs() < self.reach && is_flat(self.extent, kernel);
+        if c > near_from || i < BRIGHTEST || !flat {
             let (index, solid_angle) = self.peel.texel(i);
             return exact.texel_weight(index, lobe) / solid_angle;
         }

@@ -11,11 +11,11 @@ use crate::math::quadrature::gauss_legendre;
 /// Points of a panel.
 const POINTS: usize = 24;
 
-/// λ_0 … λ_degree of a kernel that is zero below the horizon, given as a function of 1 − c. Its complex singularities lie `width`
-/// radians from θ = 0.
+/// λ_0 … λ_degree of a kernel that is zero below the horizon, given as a function of 1 − c. Its complex singularities lie `widths`
+/// radians from θ = 0 and, on the side above, from the horizon.
 pub(super) fn eigenvalues(
     kernel: &dyn Fn(f64) -> f64,
-    width: f64,
+    [width, at_horizon]: [f64; 2],
     degree: usize,
     instructions: InstructionSet,
 ) -> Vec<f64> {
@@ -25,6 +25,7 @@ pub(super) fn eigenvalues(
     let (mut theta, mut places) = (0.0, vec![]);
     while theta < FRAC_PI_2 {
         let length = longest.min(1.5 * (theta * theta + width * width).sqrt());
+        let length = length.min(0.6 * (FRAC_PI_2 - theta + at_horizon));
         // No sliver is left over.
         let end = if theta + 1.5 * length > FRAC_PI_2 { FRAC_PI_2 } else { theta + length };
         for (t, weight) in rule.iter() {

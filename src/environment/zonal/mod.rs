@@ -32,7 +32,7 @@ use super::peel::Peel;
 use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
 use lanes::V;
-use plan::{Plan, WIDE, WIDE_DEGREE, cells, darkest, row_rule};
+use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
 use synthesis::Rings;
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
@@ -95,7 +95,7 @@ impl<'a> Zonal<'a> {
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         for kernel in kernels {
             let darkest = darkest(panorama, &cells, kernel);
-            let side = usize::from(kernel.alpha() <= WIDE);
+            let side = usize::from(!is_wide(kernel));
             plans[side].extend(Plan::new(*kernel, darkest, WIDE_DEGREE, instructions));
         }
         let parts = parts(panorama, plans, instructions);
@@ -215,10 +215,10 @@ impl Part {
         let part = Self::new(panorama, plans, peeled, instructions);
         let mean = panorama.mean();
         let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
-        if part.plans.iter().all(|plan| plan.kernel.alpha() <= WIDE || left(plan) <= HARD) {
+        if part.plans.iter().all(|plan| !is_wide(&plan.kernel) || left(plan) <= HARD) {
             return part;
         }
-        let more = |plan: Plan| match plan.kernel.alpha() > WIDE {
+        let more = |plan: Plan| match is_wide(&plan.kernel) {
             true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, instructions),
             false => Some(plan),
         };
@@ -229,7 +229,7 @@ impl Part {
 
     fn new(panorama: &Panorama, plans: Vec<Plan>, (peel, rest): Peeled, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
-        let narrowest = plans.iter().map(|plan| plan.kernel.alpha()).fold(1.0, f64::min);
+        let narrowest = plans.iter().map(|plan| plan.kernel.width()).fold(2.0, f64::min);
         let (mean, whole) = (rest.mean(), panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
         let square = |row: usize| {
@@ -242,7 +242,7 @@ impl Part {
         // Rows on any thread, their sum in one order.
         let rows: Vec<[f64; 3]> = (0..rest.height()).into_par_iter().map(square).collect();
         let norm2 = std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum());
-        let rule = row_rule(2.0 * narrowest, degree, panorama.height());
+        let rule = row_rule(narrowest, degree, panorama.height());
         let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
@@ -256,7 +256,7 @@ type Peeled = (Peel, Panorama);
 /// The texels that show across the horizon of one of these kernels, and the panorama without them.
 fn peel(panorama: &Panorama, plans: &[Plan]) -> Peeled {
     let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
-    let is_wide = plans.iter().any(|plan| plan.kernel.alpha() > WIDE);
+    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel));
     Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
 }
 
@@ -282,10 +282,10 @@ fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: Inst
 
 /// The part of the light that a texel must hold for the kernel's horizon to show, and to be peeled off.
 ///
-/// The kink N max(c, 0), N = K′(0), is off by some N/(5L) when cut off at degree L; 1e-4 of the darkest output (which is reckoned
+/// The kink a max(c, 0), a = K′(0), is off by some a/(5L) when cut off at degree L; 1e-4 of the darkest output (which is reckoned
 /// three times too dark) is left to the texels of a cell that L does not resolve.
 fn least_share(plan: &Plan, height: usize) -> f64 {
-    let (_, _, slope) = plan.kernel.coefficients();
+    let [slope, ..] = plan.kernel.horizon();
     let degree = plan.degree() as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
     1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)

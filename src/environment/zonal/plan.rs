@@ -18,8 +18,11 @@ use crate::environment::kernel::Kernel;
 use crate::environment::panorama::Panorama;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
-/// Kernels wider than this have a horizon that shows: their λ_l fall off algebraically.
-pub(super) const WIDE: f64 = 0.1;
+/// Kernels that rise from their horizon at more than this (per steradian and radian: `nol` at alpha 0.1) have a horizon that shows: their λ_l
+/// fall off algebraically.
+const STEEP: f64 = 3.1e-3;
+/// Degrees of a ring of p = 1, times p: e^(−pc) is told from what harmonics make of it.
+const RING: f64 = 8.0;
 /// The least degree of a wide kernel, unless a map is hard.
 pub(super) const WIDE_DEGREE: usize = 256;
 /// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
@@ -49,19 +52,20 @@ impl Plan {
     /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
     /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`.
     pub fn new(kernel: Kernel, darkest: f64, least_wide: usize, instructions: InstructionSet) -> Option<Self> {
-        let alpha = kernel.alpha();
-        let width = 2.0 * alpha;
-        let most = ((REACH / alpha).ceil() as usize).max(least_wide);
+        let (width, wide) = (kernel.width(), is_wide(&kernel));
+        let ring = kernel.is_ring();
+        let most = if ring { RING * 2.0 / width } else { REACH * 2.0 / width };
+        let most = (most.ceil() as usize).max(least_wide);
         if most > MOST_DEGREE * 4 / 3 {
             return None;
         }
         let value = |w: f64| kernel.eval(w);
-        let mut lambda = eigenvalues(&value, width, most, instructions);
+        let mut lambda = eigenvalues(&value, kernel.singularities(), most, instructions);
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
         let peak = Remainder::new(&value, width, 1.2).relative(&lambda, step, floor);
-        let enough = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step);
-        let degree = if alpha > WIDE { enough.max(least_wide) } else { enough }.min(most);
+        let enough = peak.iter().position(|&off| off <= AIM && !ring).map_or(most, |i| (i + 1) * step);
+        let degree = if wide { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
         }
@@ -69,7 +73,7 @@ impl Plan {
         let whole = Remainder::new(&value, width, PI).relative(&lambda, degree, floor);
         // ∫ K² = Σ (2l+1)/4π λ_l².
         let square = |w: f64| kernel.eval(w) * kernel.eval(w);
-        let norm2 = eigenvalues(&square, width, 0, instructions)[0];
+        let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
         let held: f64 = lambda.iter().enumerate().map(|(l, v)| (2.0 * l as f64 + 1.0) / (4.0 * PI) * v * v).sum();
         // Rounding leaves 1e-16 of ‖K‖², above or below zero.
         let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
@@ -99,6 +103,11 @@ impl Plan {
         }
         this_map.min(2.0 * self.any_map * share.max(1e-3))
     }
+}
+
+/// Whether a kernel's horizon shows.
+pub(super) fn is_wide(kernel: &Kernel) -> bool {
+    kernel.horizon()[0] > STEEP
 }
 
 /// Σ |f_lm|² over all orders of degrees up to L.
@@ -145,7 +154,7 @@ pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel) -> f
     /// Cells do not resolve narrower kernels.
     const NARROWEST: f64 = 0.1;
     const DIRECTIONS: usize = 256;
-    let (mean, kernel) = (panorama.mean(), Kernel::new(kernel.alpha().max(NARROWEST)));
+    let (mean, kernel) = (panorama.mean(), Kernel::of(kernel.kind(), kernel.alpha().max(NARROWEST)));
     let mut darkest = 1.0f64;
     for i in 0..DIRECTIONS {
         let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;

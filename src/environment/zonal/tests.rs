@@ -186,7 +186,7 @@ fn legendre_functions_of_high_degree_obey_the_addition_theorem() {
 fn eigenvalues_agree_with_closed_forms_and_with_finer_panels() {
     // Lambert: 1, 2/3, 1/4, 0, −1/24, 0, 1/64 (Ramamoorthi and Hanrahan 2001, eq. 19, over π).
     let lambert = Kernel::new(1.0);
-    let got = eigenvalues::eigenvalues(&|w| lambert.eval(w), 2.0, 600, InstructionSet::detect());
+    let got = eigenvalues::eigenvalues(&|w| lambert.eval(w), [2.0; 2], 600, InstructionSet::detect());
     for (l, wanted) in [1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0, 0.0, 1.0 / 64.0].into_iter().enumerate() {
         assert!((got[l] - wanted).abs() < 1e-14, "l {l}: {} wanted {wanted}", got[l]);
     }
@@ -194,14 +194,16 @@ fn eigenvalues_agree_with_closed_forms_and_with_finer_panels() {
     for alpha in [0.002, 0.02, 0.3] {
         let kernel = Kernel::new(alpha);
         let degree = 40;
-        let got = eigenvalues::eigenvalues(&|w| kernel.eval(w), 2.0 * alpha, degree, InstructionSet::detect());
+        let got =
+            eigenvalues::eigenvalues(&|w| kernel.eval(w), kernel.singularities(), degree, InstructionSet::detect());
         assert!((got[0] - 1.0).abs() < 1e-14, "alpha {alpha}: mass {}", got[0]);
         // λ_1 = 2π ∫ K c dc = N 2π ∫ c²/(1 − βc)² dc, in closed form.
         let (beta, rest, norm) = kernel.coefficients();
         let wanted = norm * 2.0 * PI * (1.0 / rest - rest + 2.0 * rest.ln()) / beta.powi(3);
         assert!((got[1] - wanted).abs() < 1e-13, "alpha {alpha}: λ_1 {} wanted {wanted}", got[1]);
         // The same at other panels: a higher degree makes them all shorter.
-        let finer = eigenvalues::eigenvalues(&|w| kernel.eval(w), 2.0 * alpha, 4000, InstructionSet::detect());
+        let finer =
+            eigenvalues::eigenvalues(&|w| kernel.eval(w), kernel.singularities(), 4000, InstructionSet::detect());
         for l in 0..=degree {
             assert!((got[l] - finer[l]).abs() < 1e-14, "alpha {alpha}, l {l}: {} and {}", got[l], finer[l]);
         }

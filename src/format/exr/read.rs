@@ -26,10 +26,17 @@ const BLOCKS_AT_ONCE: usize = 64;
 ///
 /// **Errors**: see the head of the parent module; also truncated or contradictory data.
 pub fn decode(bytes: &[u8]) -> Result<Image> {
+    decode_with_number(bytes).map(|(image, _)| image)
+}
+
+/// The same, and how its channels are stored: as halves, if any of them is.
+///
+/// **Errors**: as [`decode`].
+pub fn decode_with_number(bytes: &[u8]) -> Result<(Image, Number)> {
     contained(|| decode_uncontained(bytes)).unwrap_or_else(|| Err(panicked()))
 }
 
-fn decode_uncontained(bytes: &[u8]) -> Result<Image> {
+fn decode_uncontained(bytes: &[u8]) -> Result<(Image, Number)> {
     let reader = ::exr::block::read(Cursor::new(bytes), false).map_err(translate)?;
     let header = reader.headers().first().ok_or_else(|| Error::invalid("an OpenEXR without a part", DAMAGED))?.clone();
     check_size(reader.headers(), bytes.len())?;
@@ -63,14 +70,15 @@ fn decode_uncontained(bytes: &[u8]) -> Result<Image> {
         let missing = n_blocks - seen.len();
         return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
     }
-    Ok(Image {
+    let image = Image {
         width: view.width,
         height: view.height,
         channels: header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect(),
         texels,
         metadata: metadata(&header),
         primaries: primaries(&header)?,
-    })
+    };
+    Ok((image, if numbers.contains(&Number::F16) { Number::F16 } else { Number::F32 }))
 }
 
 /// Refuses sizes that `n_bytes` cannot hold, so that what is allocated for them stays in proportion to the file.

@@ -1,8 +1,8 @@
 //! Reading KTX2; what is read and what refused stands at the head of the parent module.
 
-use super::{MAGIC, Texture, primaries::primaries, vk_format};
-use crate::colour::Primaries;
+use super::{MAGIC, packing_of, primaries::primaries, vk_format};
 use crate::error::{Error, Result};
+use crate::format::{Texture, memory};
 use crate::pack::TexelFormat;
 use ::ktx2::{Header, LevelIndex};
 
@@ -13,17 +13,16 @@ pub(super) const DAMAGED: &str = "the file is damaged; copy or download it again
 /// **Errors**: see the head of the parent module; also truncated or contradictory data.
 pub fn decode(bytes: &[u8]) -> Result<Texture> {
     let header = header(bytes)?;
-    let format = check_kind(&header, bytes)?;
+    let (stored, is_zstd) = check_kind(&header, bytes)?;
     let n_levels = header.level_count.max(1) as usize; // 0 asks the loader to make mips
+    let mut metadata = metadata(&header, bytes)?;
+    let format = packing_of(stored, &mut metadata);
     let mut texture = Texture {
-        format,
-        width: header.pixel_width as usize,
-        height: header.pixel_height as usize,
         depth: header.pixel_depth as usize,
+        array_layers: header.layer_count as usize,
         faces: header.face_count as usize,
-        levels: Vec::new(),
-        metadata: metadata(&header, bytes)?,
-        primaries: Primaries::REC709,
+        metadata,
+        ..Texture::empty(format, header.pixel_width as usize, header.pixel_height as usize)
     };
     texture.primaries = primaries(&header, bytes, &mut texture.metadata)?;
     let index = bytes[Header::LENGTH..].chunks_exact(LevelIndex::LENGTH).take(n_levels);
@@ -34,16 +33,14 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
         let entry =
             entry.try_into().map(LevelIndex::from_bytes).map_err(|_| Error::invalid("a torn index", DAMAGED))?;
         let wanted = texture.level_bytes(level);
-        if wanted.map(|n| n as u64) != Some(entry.byte_length) {
+        let length = if is_zstd { entry.uncompressed_byte_length } else { entry.byte_length };
+        let Some(wanted) = wanted.filter(|&n| n as u64 == length) else {
             let [width, height] = texture.level_size(level);
             return Err(Error::invalid(
-                format!(
-                    "level {level} of the KTX2 has {} bytes for {width} × {height} texels of {format}",
-                    entry.byte_length
-                ),
+                format!("level {level} of the KTX2 has {length} bytes for {width} × {height} texels of {format}"),
                 DAMAGED,
             ));
-        }
+        };
         let data = section(bytes, entry.byte_offset, entry.byte_length).ok_or_else(|| {
             Error::invalid(
                 format!(
@@ -55,10 +52,23 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
                 DAMAGED,
             )
         })?;
-        texture.levels.push(data.to_vec());
+        texture.levels.push(if is_zstd { decompress(data, wanted, level)? } else { data.to_vec() });
     }
     texture.check().map_err(|error| Error::invalid(format!("the KTX2 contradicts itself: {error}"), DAMAGED))?;
     Ok(texture)
+}
+
+/// A level of `wanted` bytes.
+fn decompress(data: &[u8], wanted: usize, level: usize) -> Result<Vec<u8>> {
+    /// A block of four bytes stands for 128 KiB at most.
+    const MAX_RATIO: usize = 1 << 15;
+    let broken = |why: String| Error::invalid(format!("level {level} of the KTX2 {why}"), DAMAGED);
+    if wanted / MAX_RATIO > data.len() {
+        return Err(broken(format!("promises {wanted} bytes in {}, which cannot hold them", data.len())));
+    }
+    memory::check_room(wanted as u128, &format!("level {level} of the KTX2"))?;
+    let level = zstd::bulk::decompress(data, wanted).map_err(|error| broken(format!("is no Zstandard: {error}")))?;
+    if level.len() == wanted { Ok(level) } else { Err(broken(format!("has {} bytes, not {wanted}", level.len()))) }
 }
 
 fn header(bytes: &[u8]) -> Result<Header> {
@@ -70,13 +80,12 @@ fn header(bytes: &[u8]) -> Result<Header> {
     Header::from_bytes(head).map_err(|error| Error::invalid(format!("the KTX2's header is broken: {error}"), DAMAGED))
 }
 
-/// The texel format; refuses every kind of texture that Kiln does not write.
-fn check_kind(header: &Header, bytes: &[u8]) -> Result<TexelFormat> {
-    if header.pixel_height == 0 || header.layer_count > 0 {
-        let kind = if header.layer_count > 0 { "an array" } else { "one-dimensional" };
+/// The texel format and whether levels are compressed; refuses every kind of texture that Kiln does not write.
+fn check_kind(header: &Header, bytes: &[u8]) -> Result<(TexelFormat, bool)> {
+    if header.pixel_height == 0 {
         return Err(Error::unsupported(
-            format!("the KTX2 is {kind}, where a texture of two or three dimensions or a cube map is wanted"),
-            "extract one layer with the KTX tools",
+            "the KTX2 is one-dimensional, where a texture of two or three dimensions or a cube map is wanted",
+            "export it again with a height of 1",
         ));
     }
     if header.face_count != 1 && (header.face_count != 6 || header.pixel_width != header.pixel_height) {
@@ -88,13 +97,15 @@ fn check_kind(header: &Header, bytes: &[u8]) -> Result<TexelFormat> {
     }
     // The crate reads scheme 0 and every other absent one as none; the bytes tell.
     let [scheme, vk] = [44, 12].map(|at| u32_at(bytes, at));
-    if scheme != Some(0) {
+    let is_zstd = scheme == Some(2);
+    if scheme != Some(0) && !is_zstd {
         return Err(Error::unsupported(
             format!("the KTX2 is supercompressed (scheme {})", scheme.unwrap_or_default()),
-            "export it again without supercompression",
+            "export it again with Zstandard, or without supercompression",
         ));
     }
-    TexelFormat::ALL.into_iter().find(|&format| Some(vk_format(format).value()) == vk).ok_or_else(|| {
+    let is_it = |format: &TexelFormat| vk_format(*format).is_ok_and(|known| Some(known.value()) == vk);
+    TexelFormat::ALL.into_iter().find(is_it).map(|format| (format, is_zstd)).ok_or_else(|| {
         let name = header.format.map_or_else(|| "undefined".to_owned(), |format| format!("{format:?}"));
         Error::unsupported(
             format!("the KTX2's texel format is {name} (vkFormat {})", vk.unwrap_or_default()),

@@ -1,0 +1,68 @@
+//! What packing may have changed.
+
+use crate::pack::{Number, TexelFormat};
+
+/// By how much packing may have changed a value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Precision {
+    /// How texels are stored; nothing for what is as precise as it was computed.
+    format: Option<TexelFormat>,
+    /// The largest value of any texel.
+    brightest: f64,
+    /// Of BC6H, what a value may be off by, in parts of the brightest of its block.
+    block_error: f64,
+}
+
+/// The largest error of a block, in parts of its brightest value, that verification believes.
+const MOST_BLOCK_ERROR: f64 = 0.25;
+
+impl Precision {
+    /// Of values that were not packed.
+    pub fn exact() -> Self {
+        Self { format: None, brightest: 0.0, block_error: 0.0 }
+    }
+
+    /// Of values that were read from a file; `block_error` is what its certificate claims of [`PackReport::max_block_error`], and believed up to a
+    /// quarter.
+    ///
+    /// [`PackReport::max_block_error`]: crate::pack::PackReport::max_block_error
+    pub fn new(format: TexelFormat, values: impl IntoIterator<Item = f64>, block_error: f64) -> Self {
+        // NaN is no brightness; it is found elsewhere.
+        let brightest = values.into_iter().filter(|v| v.is_finite()).fold(0.0, f64::max);
+        Self { format: Some(format), brightest, block_error: block_error.min(MOST_BLOCK_ERROR) }
+    }
+
+    /// How texels are stored.
+    pub fn format(&self) -> Option<TexelFormat> {
+        self.format
+    }
+
+    /// What a value of a channel may be off by, wherever it is.
+    pub fn tolerance(&self, channel: usize, value: f64) -> f64 {
+        self.tolerance_in(channel, value, self.brightest)
+    }
+
+    /// The same where the largest channel of its texel, or of its block, is known.
+    pub fn tolerance_in(&self, channel: usize, value: f64, brightest: f64) -> f64 {
+        let Some(format) = self.format else { return 0.0 };
+        // A step at the true value may be that of the next binade below: take the larger neighbour.
+        let wider = |value: f64| value.abs() * (1.0 + 1e-3);
+        match format.step(channel, wider(value), wider(brightest).min(format.largest(channel))) {
+            Some(step) => 0.5 * step,
+            None => self.block_error * wider(brightest),
+        }
+    }
+
+    /// The value as the format can hold it: brought to its range.
+    pub fn fit(&self, channel: usize, value: f64) -> f64 {
+        let Some(format) = self.format else { return value };
+        let largest = format.largest(channel);
+        value.clamp(if format.is_signed() { -largest } else { 0.0 }, largest)
+    }
+}
+
+impl From<Number> for Precision {
+    fn from(number: Number) -> Self {
+        Self::new(TexelFormat::Plain { channels: 1, number }, [], 0.0)
+    }
+}
