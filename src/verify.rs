@@ -2,6 +2,7 @@
 //!
 //! What a file claims to be, its certificate says (embedded, or beside it); whether that is true, the checks say.
 
+pub mod chain;
 mod environment;
 mod table;
 

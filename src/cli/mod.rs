@@ -5,9 +5,11 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod chain;
 mod console;
 mod env;
 mod eval;
+mod identify;
 mod info;
 mod list;
 mod show;
@@ -49,6 +51,7 @@ enum Verb {
     Env(env::Env),
     Eval(eval::Eval),
     Verify(verify::Verify),
+    Identify(identify::Identify),
     Info(info::Info),
     Show(show::Show),
     List(list::List),
@@ -74,6 +77,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Env(verb) => verb.run(console),
         Verb::Eval(verb) => verb.run(console),
         Verb::Verify(verb) => verb.run(console),
+        Verb::Identify(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),

@@ -1,5 +1,6 @@
 //! `kiln verify`: whether files hold what they claim.
 
+use super::chain::ChainArgs;
 use super::console::{Console, columns, printable};
 use clap::Args;
 use kiln::check::Check;
@@ -16,10 +17,19 @@ pub struct Verify {
     /// Ask the random witness at every texel, not only at 64 (slow)
     #[arg(long)]
     full: bool,
+    /// Largest error of a foreign environment chain, in parts of the value or of 1e-3 of the mean; exit 3 above it
+    #[arg(long, value_name = "ERROR", requires = "source")]
+    max_error: Option<f64>,
+    #[command(flatten)]
+    chain: ChainArgs,
 }
 
 impl Verify {
     pub fn run(&self, console: &Console) -> Result<()> {
+        if self.chain.source.is_some() {
+            let [failed, total] = self.chain.run(&self.files, self.max_error, console)?;
+            return if failed > 0 { Err(Error::Verification { failed, total }) } else { Ok(()) };
+        }
         let mut paths = vec![];
         for path in &self.files {
             paths.extend(files_of(path)?);
