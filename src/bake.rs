@@ -11,6 +11,7 @@ pub use environment::{
 };
 pub(crate) use environment::{IRRADIANCE, precision};
 pub use table::table;
+pub(crate) use table::values as table_values;
 
 use crate::certificate::{self, Certificate};
 use crate::error::{Error, Result};

@@ -16,6 +16,7 @@
 //! | `packing` | rounding error, overflowed, negative and non-finite values |
 //! | `rounding` | of a table: how many values are certified to be the nearest half, or an f32 within an ulp, and how many are undecided |
 //! | `lookup` | of a table: the error through bilinear filtering |
+//! | `fit` | of a table with `fit = "lookup"`: what choosing its texels for the lookup did |
 
 use crate::check::Check;
 use crate::colour::Primaries;
@@ -27,6 +28,7 @@ use crate::error::{Error, Result};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
 use crate::recipe::{EnvironmentRecipe, TableRecipe};
+use crate::table::fit::TableFit;
 use crate::table::lookup::LookupError;
 use crate::table::rounding::Rounding;
 use serde::{Deserialize, Serialize};
@@ -81,6 +83,9 @@ pub struct Certificate {
     /// What a shader sees of a table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lookup: Vec<LookupError>,
+    /// What fitting a table to the lookup did, channel by channel, if it was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fit: Vec<TableFit>,
 }
 
 /// A file and what it holds.
@@ -238,6 +243,7 @@ impl Certificate {
             packing: PackReport::default(),
             rounding: None,
             lookup: vec![],
+            fit: vec![],
         }
     }
 

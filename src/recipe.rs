@@ -4,10 +4,11 @@
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
 use crate::colour::TargetColour;
-use crate::environment::{Adjustment, ChainSpec, Fit, InputLayout, Negatives, NonFinite, Reading};
+use crate::environment::{Adjustment, ChainSpec, InputLayout, Negatives, NonFinite, Reading};
 use crate::error::{Error, Result};
 use crate::format::{FormatSpec, Packing};
 use crate::integrate::Settings;
+use crate::math::fit::Fit;
 use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
 use serde::{Deserialize, Serialize};
@@ -48,6 +49,9 @@ pub struct TableRecipe {
     /// Values of the parameters that no axis varies, such as `eta=1.5`.
     #[serde(default, skip_serializing_if = "Point::is_empty")]
     pub at: Point,
+    /// What texels are chosen for: their centres, or the lookup between them.
+    #[serde(default, skip_serializing_if = "Fit::is_none")]
+    pub fit: Fit,
     /// How slices are arranged, for three axes; `None` is the container's own way.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<Layout>,
@@ -248,6 +252,7 @@ impl TableRecipe {
             channels: table.channels.iter().map(|&c| c.to_owned()).collect(),
             axes: table.default_axes()?,
             at: table.default_point()?,
+            fit: Fit::None,
             layout: None,
             model: Model::default(),
             integration: Settings::default(),

@@ -266,7 +266,7 @@ fn kilns_own_chains_are_named_by_kernel_and_roughness() {
         let roughness = [0.5, 0.8, 1.0];
         let kernels = roughness.map(|r| Kernel::of(kind, r * r));
         let zonal = Zonal::new(&source, &kernels, InstructionSet::detect());
-        let cube = |(m, kernel)| zonal.function(kernel).cube(32 >> m, &|_| {});
+        let cube = |(m, kernel): (usize, &Kernel)| zonal.function(kernel).cube(32_usize >> m, &|_| {});
         let chain: Vec<Cube> = kernels.iter().enumerate().map(cube).collect();
         let verdict = judge(&chain, &asked(&source, None)).unwrap();
         assert_eq!(verdict.kernel, Some(kind), "{verdict:?}");

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::area_average::area_average;
 use super::cube::Cube;
-use super::fit::{CubeFit, Fit, fit};
+use super::fit::{CubeFit, fit};
 use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
@@ -13,6 +13,7 @@ use super::seamless::Probe;
 use super::zonal::{InstructionSet, Zonal};
 use crate::error::{Error, Result};
 use crate::integrate::Integrator;
+use crate::math::fit::Fit;
 use crate::model::alpha_of_roughness;
 
 /// What a chain is to be.

@@ -15,24 +15,6 @@ use crate::math::fit::{Cell, LeastSquares};
 use crate::math::quadrature::gauss_legendre;
 use glam::DVec3;
 
-/// What texels are chosen for.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Fit {
-    /// Each texel is the value at its centre.
-    #[default]
-    None,
-    /// The lookup between texels is closest to the function, in least squares.
-    Lookup,
-}
-
-impl Fit {
-    /// Whether it is [`Fit::None`].
-    pub fn is_none(&self) -> bool {
-        *self == Self::None
-    }
-}
-
 /// What a fit did to a level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -11,6 +11,25 @@
 //! 40 steps reach the tolerance however many nodes there are.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What texels are chosen for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fit {
+    /// Each texel is the value at its centre.
+    #[default]
+    None,
+    /// The lookup between texels is closest to the function, in least squares.
+    Lookup,
+}
+
+impl Fit {
+    /// Whether it is [`Fit::None`].
+    pub fn is_none(&self) -> bool {
+        *self == Self::None
+    }
+}
 
 /// A cell: its nodes and the Gram matrix of their weights. A node may stand there twice.
 #[derive(Debug, Clone, PartialEq)]

@@ -122,6 +122,8 @@ const SAMPLES: usize = 768;
 /// A fit is believed if it leaves at most this part of the truth's own spread, and this much of it.
 const BELIEVED: f64 = 0.5;
 const MOST_RESIDUAL: f64 = 0.35;
+/// The spread below which a truth has nothing to compare.
+const FLAT: f64 = 1e-3;
 /// Another kernel must leave this many times as much for the best one to be believed.
 const MARGIN: f64 = 1.1;
 /// Fits closer than this cannot be told apart, whatever their ratio: rounding to halves.
@@ -311,7 +313,8 @@ struct Best {
 
 impl Best {
     fn is_believed(&self) -> bool {
-        self.residual <= BELIEVED * self.own && self.residual <= MOST_RESIDUAL
+        // What is the same everywhere tells nothing of widths.
+        self.own > FLAT && self.residual <= BELIEVED * self.own && self.residual <= MOST_RESIDUAL
     }
 }
 
