@@ -9,8 +9,8 @@
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
-//! | 5 | [`check`], [`certificate`] (facts about a file) |
-//! | 6 | [`bake`], [`verify`] |
+//! | 5 | [`check`], [`certificate`] (facts about a file), [`claim`] (what a file is said to hold) |
+//! | 6 | [`bake`], [`identify`], [`compare`], [`verify`] |
 //! | 7 | [`report`] (previews) |
 //!
 //! # Units
@@ -47,10 +47,13 @@
 pub mod bake;
 pub mod certificate;
 pub mod check;
+pub mod claim;
 pub mod colour;
+pub mod compare;
 pub mod environment;
 pub mod error;
 pub mod format;
+pub mod identify;
 pub mod integrate;
 pub mod material;
 pub mod math;

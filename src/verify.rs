@@ -1,27 +1,43 @@
 //! Verification of files: read again, judged against physics and against both witnesses.
 //!
-//! What a file claims to be, its certificate says (embedded, or beside it); whether that is true, the checks say.
+//! What a file claims to be, its certificate says (embedded, or beside it); whether that is true, the checks say. A table without a
+//! certificate is somebody else's: [`foreign`] judges it by what the user says it is, or else by what [`identify`](crate::identify)
+//! finds it to be.
+//!
+//! [`that_file`] is the way in for an engine's own tests; [`junit`] is for its continuous integration.
 
 pub mod chain;
 mod environment;
+pub mod foreign;
+pub mod junit;
+mod sentence;
 mod table;
+
+pub use sentence::{Failure, Judged, That, that_file, that_grid};
 
 use crate::certificate::{self, Certificate};
 use crate::check::Check;
+use crate::claim::{Claim, Said};
 use crate::error::{Error, Result};
-use crate::format::{FileKind, Image, Texture, exr, ktx2};
+use crate::format::grid::Described;
+use crate::format::{FileKind, Grid, Image, Texture, exr, ktx2};
+use crate::identify;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// How thoroughly to look.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Options {
     /// Ask the random witness at every texel, not at a choice of them.
     pub full: bool,
+    /// What a texel of somebody else's table may be off by; `None` is one step of what the file stores, or [`foreign::LEAST_LIMIT`].
+    pub max_error: Option<f64>,
+    /// How to find out what a table is of which nothing is said.
+    pub identify: identify::Options,
 }
 
 /// What was found out about one file.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Report {
     /// The file.
     pub file: PathBuf,
@@ -31,6 +47,12 @@ pub struct Report {
     pub checks: Vec<Check>,
     /// What could not be checked, and why.
     pub skipped: Vec<String>,
+    /// The errors of each channel of somebody else's table.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<foreign::ChannelErrors>,
+    /// What else is worth knowing, such as which physical limits are broken: it decides nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 impl Report {
@@ -75,14 +97,56 @@ impl Content {
             Self::Json(_) => None,
         }
     }
+
+    /// Whether it has the shape of a table; cubes and coefficients have not.
+    fn may_be_a_table(&self) -> bool {
+        match self {
+            Self::Picture(_) => true,
+            Self::Texture(texture) => texture.faces == 1,
+            // Spherical harmonics and the like say what they are.
+            Self::Json(value) => value.get("schema").is_none(),
+        }
+    }
 }
 
-/// Judges one file.
+/// Judges one file: by its certificate, or, failing that, as a table that is found out.
 ///
-/// **Errors**: a file that cannot be read, or that carries no certificate and has none beside it.
+/// **Errors**: a file that cannot be read, or of which nobody can tell what it should hold.
 pub fn file(path: &Path, options: Options) -> Result<Report> {
-    let content = Content::read(path)?;
-    let certificate = find_certificate(path, &content)?;
+    file_as(path, &Described::default(), None, options)
+}
+
+/// Judges one file by what is `said` of it; where nothing is, as [`file`] does. `described` says what the file does not say itself.
+///
+/// **Errors**: as [`file`]; what is said does not fit the file.
+pub fn file_as(path: &Path, described: &Described, said: Option<&Said>, options: Options) -> Result<Report> {
+    if let Some(said) = said {
+        let grid = Grid::read(path, described)?;
+        let claim = Claim::new(&grid, said).map_err(|e| e.in_file(path))?;
+        return foreign::judge(path, &grid, Some(claim), &options);
+    }
+    let content = match Content::read(path) {
+        // What Kiln does not bake may still be a table that it reads.
+        Err(refused @ (Error::Unsupported(_) | Error::Invalid(_))) => {
+            return match Grid::read(path, described) {
+                Ok(grid) => foreign::judge(path, &grid, None, &options),
+                Err(told @ Error::Usage(_)) => Err(told),
+                Err(Error::Unsupported(_)) => Err(refused),
+                Err(told) => Err(told),
+            };
+        }
+        content => content?,
+    };
+    let Some(certificate) = find_certificate(path, &content)? else {
+        if content.may_be_a_table() {
+            return foreign::judge(path, &Grid::read(path, described)?, None, &options);
+        }
+        return Err(Error::unsupported(
+            "no certificate in the file or beside it, so nothing says what it should hold",
+            "verify files that Kiln baked, with their certificate",
+        )
+        .in_file(path));
+    };
     if let Some(recipe) = certificate.table.clone() {
         table::verify(path, &content, &certificate, &recipe, options)
     } else if let Some(recipe) = certificate.environment.clone() {
@@ -92,21 +156,22 @@ pub fn file(path: &Path, options: Options) -> Result<Report> {
     }
 }
 
-/// The certificate in the file, or beside it: `NAME.certificate.json`, or the folder's `certificate.json`.
-fn find_certificate(path: &Path, content: &Content) -> Result<Certificate> {
+/// The certificate in the file, or beside it: `NAME.certificate.json`, or the folder's `certificate.json` if it names the file.
+fn find_certificate(path: &Path, content: &Content) -> Result<Option<Certificate>> {
     if let Some(text) = content.certificate() {
-        return Certificate::from_json(text).map_err(|e| e.in_file(path));
+        return Certificate::from_json(text).map(Some).map_err(|e| e.in_file(path));
     }
-    for candidate in [certificate::beside(path), path.with_file_name("certificate.json")] {
-        if let Ok(text) = std::fs::read_to_string(&candidate) {
-            return Certificate::from_json(&text).map_err(|e| e.in_file(&candidate));
+    let own = certificate::beside(path);
+    for candidate in [&own, &path.with_file_name("certificate.json")] {
+        if let Ok(text) = std::fs::read_to_string(candidate) {
+            let certificate = Certificate::from_json(&text).map_err(|e| e.in_file(candidate))?;
+            let names_it = || certificate.files.iter().any(|f| path.file_name().is_some_and(|n| n == f.file.as_str()));
+            if *candidate == own || names_it() || certificate.files.len() == 1 {
+                return Ok(Some(certificate));
+            }
         }
     }
-    Err(Error::unsupported(
-        "no certificate in the file or beside it, so nothing says what it should hold",
-        "verify files that Kiln baked, with their certificate",
-    )
-    .in_file(path))
+    Ok(None)
 }
 
 /// The files that a path stands for: itself, or, for a folder, everything in it that Kiln wrote with a certificate.

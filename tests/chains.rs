@@ -88,7 +88,8 @@ mod foreign {
                 }
                 let mut sum = [0.0; 3];
                 for k in 0..16 {
-                    let d = direction(size, face, x + (f64::from(k % 4) + 0.5) / 4.0, y + (f64::from(k / 4) + 0.5) / 4.0);
+                    let d =
+                        direction(size, face, x + (f64::from(k % 4) + 0.5) / 4.0, y + (f64::from(k / 4) + 0.5) / 4.0);
                     let value = lookup(panorama, d);
                     (0..3).for_each(|c| sum[c] += value[c] / 16.0);
                 }
@@ -194,7 +195,8 @@ fn a_factor_of_pi_and_any_other_are_told() {
     for (factor, words) in
         [(PI, "multiplied by π"), (1.0 / PI, "divided by π"), (0.5, "-1.00 EV"), (1.0, "scale: normalised")]
     {
-        let scaled = changed(&chain, |_, _, face| face.iter().map(|t| t.map(|v| (f64::from(v) * factor) as f32)).collect());
+        let scaled =
+            changed(&chain, |_, _, face| face.iter().map(|t| t.map(|v| (f64::from(v) * factor) as f32)).collect());
         let verdict = judge(&scaled, &asked(&source, Some(KernelKind::Nol))).unwrap();
         assert!(says(&verdict, words), "{factor}: {:?}", verdict.findings);
         assert!((verdict.scale.unwrap() / factor - 1.0).abs() < 1e-3, "{factor}: {:?}", verdict.scale);
@@ -283,7 +285,10 @@ fn what_fits_nothing_is_unknown() {
     let source = panorama();
     let noise = |i: usize, c: usize| ((i * 3 + c) as f32 * 12.9898).sin().mul_add(43.758, 500.0).fract().powi(6);
     let random: Vec<Cube> = [16, 8]
-        .map(|size| Cube { size, texels: (0..6 * size * size).map(|i| [noise(i, 0), noise(i, 1), noise(i, 2)]).collect() })
+        .map(|size| Cube {
+            size,
+            texels: (0..6 * size * size).map(|i| [noise(i, 0), noise(i, 1), noise(i, 2)]).collect(),
+        })
         .into();
     let verdict = judge(&random, &asked(&source, None)).unwrap();
     assert!(says(&verdict, "orientation: unknown") && says(&verdict, "kernel: unknown"), "{:?}", verdict.findings);
@@ -311,7 +316,10 @@ fn without_a_source_a_chain_is_compared_with_its_own_level_0() {
 fn the_command_judges_foreign_files_and_exits_with_3() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    succeed(folder, &["env", "builtin:sky", "--size", "32", "--min-size", "8", "--irradiance-size", "8", "--out", "own"]);
+    succeed(
+        folder,
+        &["env", "builtin:sky", "--size", "32", "--min-size", "8", "--irradiance-size", "8", "--out", "own"],
+    );
     let Decoded::Texture(mut texture) = read(&folder.join("own/specular.ktx2")).unwrap() else { panic!("a texture") };
     texture.metadata.clear();
     std::fs::write(folder.join("foreign.ktx2"), ktx2::encode(&texture).unwrap()).unwrap();
@@ -320,7 +328,8 @@ fn the_command_judges_foreign_files_and_exits_with_3() {
     assert!(run.stdout.contains("kernel: nol") && run.stdout.contains("scale: normalised"), "{}", run.stdout);
     let error = fail(folder, &[&good[..], &["1e-6"]].concat(), 3);
     assert!(error.contains("checks failed") || error.contains("failed"), "{error}");
-    let json = succeed(folder, &["identify", "foreign.ktx2", "--source", "builtin:sky", "--kernel", "nol", "--json"]).stdout;
+    let json =
+        succeed(folder, &["identify", "foreign.ktx2", "--source", "builtin:sky", "--kernel", "nol", "--json"]).stdout;
     let value: serde_json::Value = serde_json::from_str(&json).unwrap();
     let found = value[0]["levels"][1]["roughness"].as_f64().unwrap();
     assert!((found - 0.5).abs() < 0.02, "{json}");
@@ -359,7 +368,8 @@ fn fitted_texels_bring_the_lookup_closer() {
 fn fitted_chains_verify_and_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let arguments = ["env", "builtin:sky", "--size", "32", "--min-size", "8", "--irradiance-size", "8", "--fit", "lookup"];
+    let arguments =
+        ["env", "builtin:sky", "--size", "32", "--min-size", "8", "--irradiance-size", "8", "--fit", "lookup"];
     for threads in ["1", "2"] {
         succeed(folder, &[&arguments[..], &["--threads", threads, "--out", threads]].concat());
     }

@@ -9,10 +9,10 @@ use crate::integrate::{Integration, Integrator};
 use crate::math::fit::Fit;
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::TableRecipe;
+use crate::table::fit::{TableFit, fit};
 use crate::table::lookup::lookup_errors;
 use crate::table::quantity::Handle;
 use crate::table::rounding::{Rounding, decide};
-use crate::table::fit::{TableFit, fit};
 use crate::table::{Arrangement, Progress, Table, TableSpec};
 use std::path::Path;
 

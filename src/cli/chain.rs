@@ -4,7 +4,8 @@ use super::console::{Console, columns, printable};
 use clap::{Args, ValueEnum};
 use kiln::environment::kernel::KernelKind;
 use kiln::environment::{Panorama, Reading, load};
-use kiln::verify::chain::{LevelVerdict, Question, Verdict, judge, levels_of};
+use kiln::format::Decoded;
+use kiln::verify::chain::{LevelVerdict, Question, Verdict, is_cube, judge, levels_of};
 use kiln::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,11 @@ pub struct ChainArgs {
     /// The roughness that its levels are said to have; errors are counted against that [default: what fits]
     #[arg(long, value_name = "R", value_delimiter = ',', requires = "source")]
     pub roughness: Vec<f64>,
+}
+
+/// Whether a file is a cube map.
+pub fn is_cube_file(path: &Path) -> bool {
+    matches!(kiln::format::read(path), Ok(Decoded::Texture(texture)) if is_cube(&texture))
 }
 
 /// `--kernel`, in words.
@@ -102,15 +108,15 @@ impl Judged {
             None => "against its own level 0".to_owned(),
         };
         let levels = verdict.levels.len();
-        let mut text =
-            format!("{}: cube of {}², {levels} levels, {against}\n", self.file.display(), verdict.size);
+        let mut text = format!("{}: cube of {}², {levels} levels, {against}\n", self.file.display(), verdict.size);
         let rows: Vec<Vec<String>> = verdict.levels.iter().enumerate().map(|(m, level)| row(m, level)).collect();
         text += &columns(&["level", "size", "roughness", "range", "rms", "max", "drift", "where"], &rows);
         for finding in &verdict.findings {
             text += &format!("{finding}\n");
         }
         for check in verdict.checks.iter().filter(|check| !check.passed) {
-            text += &format!("FAIL {}: {}: {:.2e}, at most {:.2e}\n", check.subject, check.name, check.figure, check.limit);
+            text +=
+                &format!("FAIL {}: {}: {:.2e}, at most {:.2e}\n", check.subject, check.name, check.figure, check.limit);
         }
         printable(&(text + "\n"))
     }

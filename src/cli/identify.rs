@@ -1,27 +1,113 @@
-//! `kiln identify`: what a file holds that says nothing of itself.
+//! `kiln identify`: what a table or an environment chain holds.
 
-use super::chain::ChainArgs;
-use super::console::Console;
+use super::chain::{ChainArgs, is_cube_file};
+use super::console::{Console, columns, printable};
+use super::foreign::DescribedArgs;
 use clap::Args;
-use kiln::Result;
+use kiln::format::Grid;
+use kiln::identify::{self, Identification};
+use kiln::{Error, Result};
 use std::path::PathBuf;
 
-/// Say what a cube chain holds: roughness per level, kernel, orientation, scale
+/// Find out what tables hold: which quantities over which axes, and what is wrong with them; of environment chains the roughness per
+/// level, kernel, orientation and scale
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Without --source a chain is compared with its own level 0, which says nothing of its orientation. What does not fit \
-                  well, or no better than something else, is unknown."
-)]
 pub struct Identify {
-    /// Files that anybody made: .ktx2, .ktx, .dds, .env
+    /// Files of any kind that Kiln reads, or source text with an array
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    /// Neither read nor write the tables that are kept in the user's cache folder
+    #[arg(long)]
+    no_cache: bool,
     #[command(flatten)]
     chain: ChainArgs,
+    #[command(flatten)]
+    described: DescribedArgs,
 }
 
 impl Identify {
     pub fn run(&self, console: &Console) -> Result<()> {
-        self.chain.run(&self.files, None, console).map(|_| ())
+        if self.chain.source.is_some() || self.files.iter().all(|file| is_cube_file(file)) {
+            return self.chain.run(&self.files, None, console).map(|_| ());
+        }
+        let options = identify::Options { cache: !self.no_cache };
+        let (mut found, mut first_error) = (vec![], None);
+        for path in &self.files {
+            let one = Grid::read(path, &self.described.described())
+                .and_then(|grid| identify::identify(&grid, &options).map_err(|e| e.in_file(path)));
+            match one {
+                Ok(one) => {
+                    let name = path.display().to_string();
+                    if console.json {
+                        let mut value = serde_json::to_value(&one)
+                            .map_err(|e| Error::unsupported(format!("no JSON: {e}"), "leave --json out"))?;
+                        value["path"] = name.into();
+                        found.push(value);
+                    } else {
+                        console.print(&printable(&text(&name, &one)))?;
+                    }
+                }
+                Err(error) => {
+                    if first_error.is_some() || self.files.len() > 1 {
+                        console.error(&error);
+                    }
+                    first_error.get_or_insert(error);
+                }
+            }
+        }
+        if console.json {
+            console.print_json(&found)?;
+        }
+        first_error.map_or(Ok(()), Err)
     }
+}
+
+fn text(name: &str, found: &Identification) -> String {
+    let mut text = format!("{name}: {}\n", found.file);
+    let number = |v: Option<f64>, digits: usize| v.map_or(String::new(), |v| format!("{v:.digits$e}"));
+    let rows: Vec<Vec<String>> = found
+        .channels
+        .iter()
+        .map(|c| {
+            let model = c.model.as_ref().map_or(String::new(), |m| format!(" ({m})"));
+            let encoding = c.encoding.as_ref().map_or(String::new(), |e| format!(", {e}"));
+            let times = c.times_rounding.map_or(String::new(), |t| format!("{t:.1} × rounding"));
+            vec![
+                c.channel.clone(),
+                format!("{}{model}{encoding}", c.holds),
+                c.quantity.clone().unwrap_or_default(),
+                if c.holds.starts_with("constant") { String::new() } else { c.confidence.words().to_owned() },
+                number(c.residual, 1),
+                times,
+            ]
+        })
+        .collect();
+    text += &columns(&["", "holds", "quantity", "how sure", "RMS left", ""], &rows);
+    for axis in &found.axes {
+        let faults = if axis.faults.is_empty() { String::new() } else { format!("; {}", axis.faults.join(", ")) };
+        let [first, last] = axis.ends;
+        text += &format!("{}: {} from {first:.4} to {last:.4}: {}{faults}\n", axis.dimension, axis.axis, axis.text);
+    }
+    if !found.words.is_empty() {
+        text += &format!("in short: {}\n", found.words.join(", "));
+    }
+    for c in &found.channels {
+        if let Some(runner_up) = &c.runner_up {
+            text += &if c.quantity.is_some() {
+                format!(
+                    "{}: the next best, {}, leaves {:.1} times as much\n",
+                    c.channel, runner_up.what, runner_up.times
+                )
+            } else {
+                format!(
+                    "{}: what comes nearest is {}, which leaves {:.1e}\n",
+                    c.channel, runner_up.what, runner_up.residual
+                )
+            };
+        }
+    }
+    for command in &found.commands {
+        text += &format!("as it should be: {command}\n");
+    }
+    text + "\n"
 }

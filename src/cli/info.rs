@@ -224,6 +224,12 @@ fn text(facts: &Facts) -> String {
                     lookup.channel, lookup.max, lookup.rms
                 );
             }
+            for fit in c.fit.iter().filter(|fit| fit.kept) {
+                text += &format!(
+                    "  {} is fitted to the lookup; exact texels: ±{:.1e}, RMS {:.1e}\n",
+                    fit.exact.channel, fit.exact.max, fit.exact.rms
+                );
+            }
             for level in &c.levels {
                 text += &format!(
                     "  {} {}², roughness {}: RMS error {:.1e} ({})\n",

@@ -6,9 +6,11 @@ mod adjustment;
 mod arguments;
 mod bake;
 mod chain;
+mod compare;
 mod console;
 mod env;
 mod eval;
+mod foreign;
 mod identify;
 mod info;
 mod list;
@@ -52,6 +54,7 @@ enum Verb {
     Eval(eval::Eval),
     Verify(verify::Verify),
     Identify(identify::Identify),
+    Compare(compare::Compare),
     Info(info::Info),
     Show(show::Show),
     List(list::List),
@@ -78,6 +81,7 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Eval(verb) => verb.run(console),
         Verb::Verify(verb) => verb.run(console),
         Verb::Identify(verb) => verb.run(console),
+        Verb::Compare(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),

@@ -1,6 +1,6 @@
 //! `kiln table`: one table.
 
-use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
+use super::arguments::{FitName, IntegrationArgs, ModelArgs, ParameterArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
@@ -41,6 +41,9 @@ pub struct Table {
     /// Axes, one to three, x first
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<Axis>,
+    /// What texels are chosen for
+    #[arg(long, value_enum, default_value = "none")]
+    fit: FitName,
     /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume in a KTX2, slices in an EXR]
     #[arg(long)]
     layout: Option<Layout>,
@@ -76,6 +79,7 @@ impl Table {
         recipe.model = self.model.model();
         recipe.at = self.point(&recipe)?;
         recipe.layout = self.layout;
+        recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
         let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
             Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")
@@ -178,6 +182,12 @@ fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
         .map(|c| format!("{} ±{:.0e} ({}, {})", c.quantity, c.max_error, c.integrator, c.error_kind.name()))
         .collect();
     console.note(&format!("{}: {}; {} checks passed", path.display(), errors.join(", "), certificate.checks.len()));
+    for fit in &certificate.fit {
+        let ([before, after], channel) = ([&fit.exact, &fit.fitted].map(|e| [e.rms, e.max]), &fit.exact.channel);
+        let [rms, max] = [0, 1].map(|i| format!("{:.1e} instead of {:.1e}", after[i], before[i]));
+        let fate = if fit.kept { "" } else { "; exact texels are kept" };
+        console.note(&format!("{channel} through bilinear filtering: RMS {rms}, at most {max}{fate}"));
+    }
     warn_of_packing(console, &path.display().to_string(), &certificate.packing);
 }
 

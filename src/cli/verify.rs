@@ -1,43 +1,66 @@
-//! `kiln verify`: whether files hold what they claim.
+//! `kiln verify`: whether files hold what they claim, or what they are said to.
 
 use super::chain::ChainArgs;
 use super::console::{Console, columns, printable};
+use super::foreign::{DescribedArgs, SaidArgs};
 use clap::Args;
 use kiln::check::Check;
-use kiln::verify::{Options, Report, file, files_of};
-use kiln::{Error, Result};
+use kiln::format::atomic;
+use kiln::verify::foreign::ChannelErrors;
+use kiln::verify::{Options, Report, file_as, files_of, junit};
+use kiln::{Error, Result, identify};
 use std::path::PathBuf;
 
 /// Check files against physics and against both witnesses; exit 3 if any value is wrong
 #[derive(Debug, Args)]
 pub struct Verify {
-    /// Files that Kiln baked, or folders of them
+    /// Files that Kiln baked, folders of them, or anybody's tables
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Ask the random witness at every texel, not only at 64 (slow)
     #[arg(long)]
     full: bool,
-    /// Largest error of a foreign environment chain, in parts of the value or of 1e-3 of the mean; exit 3 above it
-    #[arg(long, value_name = "ERROR", requires = "source")]
+    /// Largest error that is right in a table without a certificate [default: one step of what it stores, at least 0.001], or, relative
+    /// to the value, in a chain with --source [default: any]
+    #[arg(long, value_name = "ERROR")]
     max_error: Option<f64>,
+    /// Write a JUnit report too
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
+    /// Neither read nor write the tables that are kept in the user's cache folder
+    #[arg(long)]
+    no_cache: bool,
     #[command(flatten)]
     chain: ChainArgs,
+    #[command(flatten)]
+    said: SaidArgs,
+    #[command(flatten)]
+    described: DescribedArgs,
 }
 
 impl Verify {
     pub fn run(&self, console: &Console) -> Result<()> {
+        if let Some(bad) = self.max_error.filter(|e| !(*e >= 0.0)) {
+            return Err(Error::usage(format!("--max-error {bad} is no error"), "give a number such as 1e-3"));
+        }
         if self.chain.source.is_some() {
             let [failed, total] = self.chain.run(&self.files, self.max_error, console)?;
             return if failed > 0 { Err(Error::Verification { failed, total }) } else { Ok(()) };
         }
+        let options = Options {
+            full: self.full,
+            max_error: self.max_error,
+            identify: identify::Options { cache: !self.no_cache },
+        };
+        let (said, described) = (self.said.said()?, self.described.described());
         let mut paths = vec![];
         for path in &self.files {
             paths.extend(files_of(path)?);
         }
-        let (mut reports, mut failed, mut first_error) = (vec![], 0, None);
+        let (mut reports, mut failed, mut first_error, mut errors) = (vec![], 0, None, vec![]);
         for path in &paths {
             // One file that cannot be judged does not keep the others from being judged.
-            match file(path, Options { full: self.full }) {
+            match file_as(path, &described, said.as_ref(), options) {
                 Ok(report) => {
                     failed += report.failures();
                     if !console.json {
@@ -49,31 +72,47 @@ impl Verify {
                     if first_error.is_some() || paths.len() > 1 {
                         console.error(&error);
                     }
-                    first_error.get_or_insert(error);
+                    match first_error {
+                        None => first_error = Some(path.clone()),
+                        Some(_) => {}
+                    }
+                    errors.push((path.clone(), error));
                 }
             }
         }
         if console.json {
             console.print_json(&reports)?;
         }
+        if let Some(path) = &self.junit {
+            atomic::write(path, junit::xml(&reports, &errors).as_bytes())?;
+        }
         let total = reports.iter().map(|r| r.checks.len()).sum();
-        match first_error {
+        match errors.into_iter().next() {
             _ if failed > 0 => Err(Error::Verification { failed, total }),
-            Some(error) => Err(error),
+            Some((_, error)) => Err(error),
             None => Ok(()),
         }
     }
 }
 
+fn number(v: f64) -> String {
+    if v == 0.0 { "0".to_owned() } else { format!("{v:.2e}") }
+}
+
 fn text(report: &Report) -> String {
     let row = |c: &Check| {
         let verdict = if c.passed { "pass" } else { "FAIL" };
-        let number = |v: f64| if v == 0.0 { "0".to_owned() } else { format!("{v:.2e}") };
         vec![verdict.to_owned(), c.name.clone(), c.subject.clone(), number(c.figure), number(c.limit), c.detail.clone()]
     };
     let rows: Vec<_> = report.checks.iter().map(row).collect();
     let mut text = format!("{}: {}\n", report.file.display(), report.claim);
+    if !report.channels.is_empty() {
+        text += &errors(&report.channels);
+    }
     text += &columns(&["", "check", "of", "found", "at most", "where"], &rows);
+    for note in &report.notes {
+        text += &format!("note: {note}\n");
+    }
     for skipped in &report.skipped {
         text += &format!("skipped: {skipped}\n");
     }
@@ -82,4 +121,31 @@ fn text(report: &Report) -> String {
         n => format!("{n} of {} checks FAILED", report.checks.len()),
     };
     printable(&format!("{text}{verdict}\n\n"))
+}
+
+/// The errors of somebody else's table: at the texels, what rounding would have left, and through linear filtering.
+fn errors(channels: &[ChannelErrors]) -> String {
+    let row = |c: &ChannelErrors, what: &str, [max, mean, rms]: [Option<f64>; 3], comment: String| {
+        let cell = |v: Option<f64>| v.map_or(String::new(), number);
+        vec![c.channel.clone(), what.to_owned(), cell(max), cell(mean), cell(rms), comment]
+    };
+    let all = |e: &kiln::verify::foreign::Errors| [Some(e.max), Some(e.mean), Some(e.rms)];
+    let mut rows = vec![];
+    for c in channels {
+        rows.push(row(
+            c,
+            "texels",
+            all(&c.texels),
+            format!("{:.1} times the RMS of correct rounding", c.times_rounding),
+        ));
+        rows.push(row(c, "correct rounding", all(&c.rounding), format!("to {}", c.stored)));
+        if let Some(f) = &c.filtered {
+            rows.push(row(c, "through the filter", [Some(f.max), None, Some(f.rms)], format!("at {}", f.worst_at)));
+        }
+        if let Some(f) = &c.filtered_exact {
+            let comment = format!("at {}", f.worst_at);
+            rows.push(row(c, "the same, exact texels", [Some(f.max), None, Some(f.rms)], comment));
+        }
+    }
+    columns(&["", "errors", "max", "mean", "RMS", ""], &rows)
 }

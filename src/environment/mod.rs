@@ -40,12 +40,12 @@ mod sun_disc;
 mod test_maps;
 pub mod zonal;
 
+pub use crate::math::fit::Fit;
 pub use adjust::{Adjusted, Adjustment};
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
 pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, chain_and_irradiance, specular_chain};
 pub use cube::Cube;
-pub use crate::math::fit::Fit;
 pub use fit::CubeFit;
 pub use from_cube::from_cube;
 pub use full_sum::FullSum;

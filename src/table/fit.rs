@@ -44,9 +44,7 @@ pub fn fit(table: &mut Table) -> Result<Vec<TableFit>> {
     for (c, fitted) in fitted.iter().enumerate() {
         values.iter_mut().skip(c).step_by(n).zip(&fitted.values).for_each(|(value, fitted)| *value = *fitted);
     }
-    let seen = |values: &[f64]| {
-        lookup_errors(&table.spec, &values.iter().map(|&v| v as f32).collect::<Vec<f32>>())
-    };
+    let seen = |values: &[f64]| lookup_errors(&table.spec, &values.iter().map(|&v| v as f32).collect::<Vec<f32>>());
     let (before, after) = (seen(&table.values)?, seen(&values)?);
     let pairs = || before.iter().zip(&after);
     let kept = pairs().all(|(b, a)| a.rms <= b.rms) && pairs().any(|(b, a)| a.rms < b.rms);

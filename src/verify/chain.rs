@@ -385,18 +385,14 @@ impl Fitting<'_> {
                 let range = begin..begin + texels.len();
                 begin = range.end;
                 let average = area_average(self.source, level.size);
-                let turned =
-                    |&i: &usize| nearest_texel(level.size, self.turn.apply(texel_direction(level.size, i)));
+                let turned = |&i: &usize| nearest_texel(level.size, self.turn.apply(texel_direction(level.size, i)));
                 let wide = |values: &Vec<[f64; 3]>| values[range.clone()].iter().flat_map(|v| log(*v)).collect();
                 // The file's own scale must not meet the floor: it is brought to the source's mean first.
                 let factor = self.factor(level);
                 let seen = |&i: &usize| log(std::array::from_fn(|c| f64::from(level.texels[i][c]) * factor));
                 let sample = Sample {
                     seen: texels.iter().flat_map(seen).collect(),
-                    mirror: texels
-                        .iter()
-                        .flat_map(|i| log(average.texels[turned(i)].map(f64::from)))
-                        .collect(),
+                    mirror: texels.iter().flat_map(|i| log(average.texels[turned(i)].map(f64::from))).collect(),
                     wide: values.iter().map(wide).collect(),
                 };
                 sample.best(alphas)
@@ -642,7 +638,9 @@ fn findings(verdict: &Verdict) -> Vec<String> {
     match verdict.kernel {
         Some(kind) => found.push(format!("kernel: {}", kind.name())),
         None if judged.is_empty() => found.push("kernel: unknown; give what it was made from with --source".to_owned()),
-        None if judged.iter().all(|level| level.roughness == Some(0.0)) => found.push("kernel: none, mirrors only".to_owned()),
+        None if judged.iter().all(|level| level.roughness == Some(0.0)) => {
+            found.push("kernel: none, mirrors only".to_owned())
+        }
         None => found.push("kernel: unknown".to_owned()),
     }
     match verdict.scale {

@@ -21,7 +21,8 @@ pub(super) fn verify(
     recipe.check().map_err(|e| e.in_file(path))?;
     let (again, skipped) = source_again(certificate, recipe);
     let panorama = again.as_ref().map(|source| source.panorama.clone());
-    let mut report = Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped };
+    let mut report =
+        Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped, ..Report::default() };
     match content {
         Content::Texture(texture) => {
             let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;

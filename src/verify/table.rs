@@ -56,7 +56,7 @@ pub(super) fn verify(
         fixed,
         recipe.model.smith.name()
     );
-    Ok(Report { file: path.to_owned(), claim, checks, skipped: vec![] })
+    Ok(Report { file: path.to_owned(), claim, checks, skipped: vec![], ..Report::default() })
 }
 
 /// The errors that the certificate claims; never more than the recipe's tolerance allows, whatever the certificate says.

@@ -134,7 +134,15 @@ pub fn find(file: &Cube, truths: &[Cube]) -> Orientation {
         name += &format!(", or one of {} that look the same", ties.len() - 1);
     }
     let faces = if ties.len() == 48 { vec![] } else { faults(file, &truths[blur], turn) };
-    Orientation { turn: Some(turn), name, mirrored: turn.is_mirrored(), as_good: ties.len() - 1, residual, runner_up, faces }
+    Orientation {
+        turn: Some(turn),
+        name,
+        mirrored: turn.is_mirrored(),
+        as_good: ties.len() - 1,
+        residual,
+        runner_up,
+        faces,
+    }
 }
 
 /// Faces that fit much worse than the others, and what explains them, if anything does.

@@ -1,0 +1,226 @@
+//! Two files of numbers against each other: statistics per level and channel, and a map of the differences.
+//!
+//! A tolerance is in units of the last place of what the files store (the coarser of the two counts), or relative to the larger of
+//! the two values.
+
+use crate::error::{Error, Result};
+use crate::format::grid::Stored;
+use crate::format::{Grid, Image};
+use serde::Serialize;
+use std::str::FromStr;
+
+/// By how much two values may differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tolerance {
+    /// So many units of the last place.
+    Ulps(f64),
+    /// This part of the larger value.
+    Relative(f64),
+    /// This much.
+    Absolute(f64),
+}
+
+impl Tolerance {
+    /// What the difference may be.
+    fn allows(self, a: f64, b: f64, stored: [Stored; 2]) -> f64 {
+        let larger = a.abs().max(b.abs());
+        match self {
+            Self::Ulps(n) => n * stored[0].step(larger).max(stored[1].step(larger)),
+            Self::Relative(part) => part * larger,
+            Self::Absolute(most) => most,
+        }
+    }
+}
+
+impl FromStr for Tolerance {
+    type Err = Error;
+
+    /// `2ulp`, `0.1%`, `1e-3rel` or `1e-3`.
+    fn from_str(text: &str) -> Result<Self> {
+        let wrong = || {
+            Error::usage(
+                format!("tolerance {text:?} is none"),
+                "write 2ulp for units of the last place, 0.1% or 1e-3rel relative to the value, 1e-3 absolute",
+            )
+        };
+        let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| *v >= 0.0).ok_or_else(wrong);
+        if let Some(n) = text.strip_suffix("ulps").or_else(|| text.strip_suffix("ulp")) {
+            number(n).map(Self::Ulps)
+        } else if let Some(percent) = text.strip_suffix('%') {
+            number(percent).map(|p| Self::Relative(p / 100.0))
+        } else if let Some(part) = text.strip_suffix("rel") {
+            number(part).map(Self::Relative)
+        } else {
+            number(text).map(Self::Absolute)
+        }
+    }
+}
+
+/// How one channel of one level differs.
+#[derive(Debug, Clone, Serialize)]
+pub struct Difference {
+    /// The level, from 0.
+    pub level: usize,
+    /// The channel's name in the first file.
+    pub channel: String,
+    /// Largest |b − a|.
+    pub max: f64,
+    /// Mean of b − a.
+    pub mean: f64,
+    /// Root mean square of b − a.
+    pub rms: f64,
+    /// Largest |b − a| over the larger of the two.
+    pub relative: f64,
+    /// Largest |b − a| in units of the last place.
+    pub ulps: f64,
+    /// Column, row and slice (or face) of the largest.
+    pub at: [usize; 3],
+    /// Values that differ.
+    pub different: usize,
+    /// Values that differ by more than the tolerance, or that are a number in one file only.
+    pub beyond: usize,
+    /// Values.
+    pub values: usize,
+}
+
+/// The levels of two files, each a grid, level 0 first.
+///
+/// **Errors**: other sizes, numbers of levels or of channels.
+pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Difference>> {
+    let shape =
+        |g: &Grid| format!("{} texels of {} channels", g.size.map(|s| s.to_string()).join(" × "), g.channels.len());
+    if a.len() != b.len() {
+        return Err(Error::invalid(
+            format!("{} levels against {}", a.len(), b.len()),
+            "compare files with the same levels",
+        ));
+    }
+    let mut differences = vec![];
+    for (level, (a, b)) in a.iter().zip(b).enumerate() {
+        if (a.size, a.channels.len()) != (b.size, b.channels.len()) {
+            return Err(Error::invalid(
+                format!("{} against {} at level {level}", shape(a), shape(b)),
+                "compare files of the same shape",
+            ));
+        }
+        for (c, channel) in a.channels.iter().enumerate() {
+            // Channels that both files name are paired by name.
+            let other = b.channels.iter().position(|o| o.name == channel.name).unwrap_or(c);
+            differences.push(difference(level, [a, b], [c, other], tolerance));
+        }
+    }
+    Ok(differences)
+}
+
+fn difference(level: usize, [a, b]: [&Grid; 2], [ca, cb]: [usize; 2], tolerance: Tolerance) -> Difference {
+    let stored = [a.channels[ca].stored, b.channels[cb].stored];
+    let (first, second) = (a.channel(ca), b.channel(cb));
+    let mut found = Difference {
+        level,
+        channel: a.channels[ca].name.clone(),
+        max: 0.0,
+        mean: 0.0,
+        rms: 0.0,
+        relative: 0.0,
+        ulps: 0.0,
+        at: [0; 3],
+        different: 0,
+        beyond: 0,
+        values: first.len(),
+    };
+    let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
+    for (texel, (&x, &y)) in first.iter().zip(&second).enumerate() {
+        if x == y || (x.is_nan() && y.is_nan()) {
+            n += 1.0;
+            continue;
+        }
+        found.different += 1;
+        let off = y - x;
+        if !off.is_finite() {
+            // A number in one file, and none in the other: no tolerance allows that.
+            found.beyond += 1;
+            if found.max.is_finite() {
+                (found.max, found.at) = (f64::INFINITY, place(a, texel));
+            }
+            continue;
+        }
+        found.beyond += usize::from(off.abs() > tolerance.allows(x, y, stored));
+        if off.abs() > found.max {
+            (found.max, found.at) = (off.abs(), place(a, texel));
+        }
+        let larger = x.abs().max(y.abs());
+        found.relative = found.relative.max(off.abs() / larger);
+        found.ulps = found.ulps.max(off.abs() / stored[0].step(larger).max(stored[1].step(larger)));
+        (sum, squares, n) = (sum + off, squares + off * off, n + 1.0);
+    }
+    let n = f64::max(n, 1.0);
+    (found.mean, found.rms) = (sum / n, (squares / n).sqrt());
+    found
+}
+
+fn place(grid: &Grid, texel: usize) -> [usize; 3] {
+    let [w, h, _] = grid.size;
+    [texel % w, texel / w % h, texel / (w * h)]
+}
+
+/// The differences b − a of one level as a picture, slices (or faces) below each other.
+///
+/// **Errors**: grids of different shapes.
+pub fn map(a: &Grid, b: &Grid) -> Result<Image<f64>> {
+    if (a.size, a.channels.len()) != (b.size, b.channels.len()) {
+        return Err(Error::invalid("two shapes", "compare files of the same shape"));
+    }
+    let [width, height, depth] = a.size;
+    let names: Vec<&str> = a.channels.iter().map(|c| c.name.as_str()).collect();
+    let order: Vec<usize> = a
+        .channels
+        .iter()
+        .enumerate()
+        .map(|(c, channel)| b.channels.iter().position(|o| o.name == channel.name).unwrap_or(c))
+        .collect();
+    let n = names.len();
+    let texels = a
+        .values
+        .chunks_exact(n)
+        .zip(b.values.chunks_exact(n))
+        .flat_map(|(x, y)| (0..n).map(|c| y[order[c]] - x[c]).collect::<Vec<_>>())
+        .collect();
+    Image::new(width, height * depth, &names, texels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::grid::Described;
+
+    fn grid(numbers: &str) -> Grid {
+        let described = Described { shape: Some("2x2".parse().unwrap()), ..Described::default() };
+        Grid::decode(numbers.as_bytes(), &described).unwrap()
+    }
+
+    #[test]
+    fn differences_are_counted_and_placed() {
+        let (a, b) = (grid("[0x3800, 0x3400, 0x3c00, 0x3000]"), grid("[0x3800, 0x3402, 0x3c00, 0x3001]"));
+        let found = &compare(std::slice::from_ref(&a), std::slice::from_ref(&b), Tolerance::Ulps(1.0)).unwrap()[0];
+        assert_eq!((found.different, found.beyond, found.at, found.ulps), (2, 1, [1, 0, 0], 2.0));
+        assert_eq!(map(&a, &b).unwrap().texels[1], found.max);
+        let same = &compare(std::slice::from_ref(&a), std::slice::from_ref(&a), Tolerance::Ulps(0.0)).unwrap()[0];
+        assert_eq!((same.different, same.max), (0, 0.0));
+    }
+
+    #[test]
+    fn no_number_equals_a_number() {
+        let (a, b) = (grid("[0.5, 0.25, 1.0, NaN]"), grid("[0.5, 0.25, NaN, NaN]"));
+        let found = &compare(&[a], &[b], Tolerance::Relative(1.0)).unwrap()[0];
+        assert_eq!((found.beyond, found.at), (1, [0, 1, 0]));
+    }
+
+    #[test]
+    fn tolerances_say_what_they_are_in() {
+        assert_eq!("2ulp".parse::<Tolerance>().unwrap(), Tolerance::Ulps(2.0));
+        assert_eq!("0.5%".parse::<Tolerance>().unwrap(), Tolerance::Relative(0.005));
+        assert_eq!("1e-3rel".parse::<Tolerance>().unwrap(), Tolerance::Relative(1e-3));
+        assert_eq!("1e-3".parse::<Tolerance>().unwrap(), Tolerance::Absolute(1e-3));
+        assert!("-1".parse::<Tolerance>().is_err() && "ulp".parse::<Tolerance>().is_err());
+    }
+}

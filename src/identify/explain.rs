@@ -1,0 +1,352 @@
+//! From hypotheses to words: what a person searches for, and the command that bakes the table as it should be.
+
+use super::ramp::{Place, Ramp};
+use super::search::{Data, Hypothesis};
+use super::{Confidence, Identification, Ranked, claimed};
+use crate::claim::{Claim, Encoding, model_words};
+use crate::error::Result;
+use crate::format::Grid;
+use crate::format::grid::Stored;
+use crate::model::ggx::Smith;
+use crate::table::named::TABLES;
+use crate::table::{Axis, Model, Parameter, TableSpec};
+use serde::Serialize;
+
+/// What one channel is found to hold.
+#[derive(Debug, Clone, Serialize)]
+pub struct ChannelFinding {
+    /// The channel's name in the file.
+    pub channel: String,
+    /// How it is stored.
+    pub stored: Stored,
+    /// How sure it is.
+    pub confidence: Confidence,
+    /// What it holds, in a few words: `scale`, `E`, `constant 0`, `unknown`.
+    pub holds: String,
+    /// The quantity, as `kiln list quantities` has it.
+    pub quantity: Option<String>,
+    /// Masking, visibility.
+    pub model: Option<String>,
+    /// How values are encoded, if they are.
+    pub encoding: Option<String>,
+    /// Root mean square of what the explanation leaves, by quadrature.
+    pub residual: Option<f64>,
+    /// The same in parts of the channel's standard deviation.
+    pub relative: Option<f64>,
+    /// The same in parts of what rounding to the file's format leaves.
+    pub times_rounding: Option<f64>,
+    /// The best of the other explanations.
+    pub runner_up: Option<RunnerUp>,
+}
+
+/// An explanation that is not the best.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunnerUp {
+    /// What it says.
+    pub what: String,
+    /// Root mean square of what it leaves.
+    pub residual: f64,
+    /// How many times what the best one leaves.
+    pub times: f64,
+}
+
+/// What the texels along one dimension stand for.
+#[derive(Debug, Clone, Serialize)]
+pub struct AxisFinding {
+    /// `x`, `y` or `z`.
+    pub dimension: String,
+    /// The axis as it should be, as `kiln table --axes` has it.
+    pub axis: String,
+    /// What texel 0 and the last one stand for.
+    pub ends: [f64; 2],
+    /// Which of them is the smaller, and where in their texels values sit, in words.
+    pub text: String,
+    /// What is wrong with it, such as `shifted by 1 texel in roughness`.
+    pub faults: Vec<String>,
+}
+
+/// Residuals in parts of rounding up to which nothing is left to explain.
+const AS_ROUNDED: f64 = 2.0;
+/// How many times the residual another explanation must leave for the best to be certain, and likely.
+const FAR: f64 = 3.0;
+const FARTHER: f64 = 1.5;
+/// Parts of a channel's variation that may be left for it to be likely, and possible.
+const LITTLE: f64 = 1.0 / 30.0;
+const MUCH: f64 = 0.1;
+/// The same where a factor and an offset of no meaning had to be fitted: two more numbers explain a lot.
+const MUCH_OF_ANY: f64 = 0.01;
+
+pub(super) fn explain(
+    grid: &Grid,
+    varying: &[usize],
+    data: &[Data],
+    ranked: Vec<Vec<Ranked>>,
+) -> Result<Identification> {
+    let mut channels = vec![];
+    let mut claim = Claim::default();
+    let mut surest: Option<(f64, Hypothesis)> = None;
+    for (c, channel) in grid.channels.iter().enumerate() {
+        let Some(i) = varying.iter().position(|&v| v == c) else {
+            channels.push(constant(grid, c));
+            continue;
+        };
+        let finding = found(channel.name.clone(), channel.stored, &data[i], &ranked[i]);
+        if finding.confidence > Confidence::Unknown
+            && let Some(best) = ranked[i].first()
+        {
+            claim.channels.push(claimed(c, &best.hypothesis, grid));
+            let relative = best.trimmed / data[i].spread;
+            if surest.as_ref().is_none_or(|(least, _)| relative < *least) {
+                surest = Some((relative, best.hypothesis.clone()));
+            }
+        }
+        channels.push(finding);
+    }
+    let confidence = channels
+        .iter()
+        .filter(|c| !c.holds.starts_with("constant"))
+        .map(|c| c.confidence)
+        .min()
+        .unwrap_or(Confidence::Unknown);
+    let axes = surest.as_ref().map_or(vec![], |(_, h)| axes(h));
+    let words = words(&claim, &axes, surest.as_ref().map(|(_, h)| h));
+    let commands = commands(&claim, grid);
+    Ok(Identification { file: grid.summary(), confidence, channels, axes, words, commands, claim })
+}
+
+fn constant(grid: &Grid, c: usize) -> ChannelFinding {
+    let channel = &grid.channels[c];
+    let value = grid.channel(c).into_iter().find(|v| v.is_finite()).unwrap_or(f64::NAN);
+    let empty = if value == 0.0 { ", an empty channel" } else { "" };
+    ChannelFinding {
+        channel: channel.name.clone(),
+        stored: channel.stored,
+        confidence: Confidence::Certain,
+        holds: format!("constant {value:.6}{empty}"),
+        quantity: None,
+        model: None,
+        encoding: None,
+        residual: None,
+        relative: None,
+        times_rounding: None,
+        runner_up: None,
+    }
+}
+
+fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> ChannelFinding {
+    let unknown = ChannelFinding {
+        channel,
+        stored,
+        confidence: Confidence::Unknown,
+        holds: "unknown".to_owned(),
+        quantity: None,
+        model: None,
+        encoding: None,
+        residual: None,
+        relative: None,
+        times_rounding: None,
+        runner_up: None,
+    };
+    let Some(best) = ranked.first() else { return unknown };
+    let runner_up = ranked[1..].iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
+        what: what(&second.hypothesis),
+        residual: second.rms,
+        times: (second.trimmed + data.rounding) / (best.trimmed + data.rounding),
+    });
+    let relative = best.trimmed / data.spread;
+    let times_rounding = best.rms / data.rounding.max(1e-7);
+    let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
+    let encoding = best.hypothesis.encoding;
+    let named = is_named(&encoding);
+    let confidence = if relative > if named { MUCH } else { MUCH_OF_ANY } {
+        Confidence::Unknown
+    } else if times_rounding <= AS_ROUNDED && away >= FAR {
+        Confidence::Certain
+    } else if relative <= LITTLE && away >= FARTHER {
+        Confidence::Likely
+    } else {
+        Confidence::Possible
+    };
+    let figures = (Some(best.rms), Some(relative), Some(times_rounding));
+    if confidence == Confidence::Unknown {
+        // What comes nearest is told, but not as what it is.
+        let nearest = RunnerUp { what: what(&best.hypothesis), residual: best.rms, times: 1.0 };
+        return ChannelFinding { runner_up: Some(nearest), ..unknown };
+    }
+    let definition = &best.hypothesis.master.definition;
+    let quantity = &definition.quantities()[best.hypothesis.quantity];
+    let spec = claimed_model(&best.hypothesis);
+    let model = model_words(&spec);
+    ChannelFinding {
+        confidence,
+        holds: short(quantity.name).to_owned(),
+        quantity: Some(quantity.name.to_owned()),
+        model: Some(model.trim_matches([' ', '(', ')']).to_owned()).filter(|m| !m.is_empty()),
+        encoding: Some(encoding.to_string()).filter(|text| !text.is_empty()),
+        residual: figures.0,
+        relative: figures.1,
+        times_rounding: figures.2,
+        runner_up,
+        ..unknown
+    }
+}
+
+/// Whether factor and offset mean something.
+fn is_named(encoding: &Encoding) -> bool {
+    let simple = |v: f64| [0.0, 1.0, -1.0, 0.5, -0.5, 2.0, 0.25, 4.0].contains(&v);
+    let pi = [std::f64::consts::PI, std::f64::consts::FRAC_1_PI, 1.0 / 255.0];
+    (simple(encoding.scale) || pi.contains(&encoding.scale)) && simple(encoding.offset)
+}
+
+/// What people call a quantity.
+fn short(name: &'static str) -> &'static str {
+    match name {
+        "ggx.scale" | "beckmann.scale" => "scale",
+        "ggx.bias" | "beckmann.bias" => "bias",
+        "ggx.albedo" | "beckmann.albedo" => "albedo E",
+        "charlie.albedo" => "cloth (sheen) albedo",
+        "ggx.f82" => "F82 tint",
+        "burley.albedo" | "burley-renormalized.albedo" => "diffuse albedo",
+        other => other,
+    }
+}
+
+fn claimed_model(hypothesis: &Hypothesis) -> TableSpec {
+    let definition = &hypothesis.master.definition;
+    TableSpec { channels: vec![definition.handle], model: definition.model, ..TableSpec::default() }
+}
+
+/// A hypothesis in one line: `ggx.bias (separable Smith) over mu:64 × roughness:64`.
+fn what(hypothesis: &Hypothesis) -> String {
+    let definition = &hypothesis.master.definition;
+    let axes: Vec<String> = hypothesis.ramps.iter().map(|r| r.axis().brief()).collect();
+    let encoding = match hypothesis.encoding.to_string() {
+        text if text.is_empty() => text,
+        text => format!(", {text}"),
+    };
+    let shifts: Vec<String> = hypothesis.ramps.iter().flat_map(faults).collect();
+    let shifts = if shifts.is_empty() { String::new() } else { format!(", {}", shifts.join(", ")) };
+    format!(
+        "{}{} over {}{encoding}{shifts}",
+        definition.quantities()[hypothesis.quantity].name,
+        model_words(&claimed_model(hypothesis)),
+        axes.join(" × ")
+    )
+}
+
+/// What is wrong with the places of texels.
+fn faults(ramp: &Ramp) -> Vec<String> {
+    let name = ramp.parameter;
+    let texels = |shift: f64| {
+        let n = shift.abs();
+        // A ramp's part grows with the parameter or against it: what is told is where the values went.
+        let words = if n == 1.0 { "1 texel".to_owned() } else { format!("{n} texels") };
+        format!("shifted by {words} in {name}")
+    };
+    match ramp.place() {
+        Some(Place::Centre(shift) | Place::Edge(shift)) if shift != 0.0 => vec![texels(shift)],
+        Some(_) => vec![],
+        None => {
+            let n = ramp.size as f64;
+            let stretch = ramp.step * n;
+            let middle = ramp.first * n + stretch * 0.5 * (n - 1.0) / n * n / n - 0.5 * n;
+            let own_range = ramp.parameter.range().is_some();
+            if (stretch - 1.0).abs() < 0.4 / n {
+                vec![texels((middle * 100.0).round() / 100.0)]
+            } else if own_range && stretch < 1.0 {
+                vec![format!("cropped in {name}")]
+            } else {
+                vec![]
+            }
+        }
+    }
+}
+
+fn axes(hypothesis: &Hypothesis) -> Vec<AxisFinding> {
+    let names = ["x", "y", "z"];
+    hypothesis
+        .ramps
+        .iter()
+        .zip(names)
+        .map(|(ramp, dimension)| {
+            let axis = ramp.axis();
+            let ends = [ramp.value(0), ramp.value(ramp.size - 1)];
+            let place = match ramp.place() {
+                Some(Place::Centre(_)) => "texels hold their centres",
+                Some(Place::Edge(_)) => "the outermost texels hold the ends",
+                None => "neither centres nor edges of the whole range",
+            };
+            let order = if ramp.flip { "flipped, " } else { "" };
+            let text = format!("{}, {order}{place}", axis.warp);
+            AxisFinding { dimension: dimension.to_owned(), axis: axis.brief(), ends, text, faults: faults(ramp) }
+        })
+        .collect()
+}
+
+/// The words that a person searches for.
+fn words(claim: &Claim, axes: &[AxisFinding], surest: Option<&Hypothesis>) -> Vec<String> {
+    let mut words = vec![];
+    let Some(surest) = surest else { return vec!["unknown".to_owned()] };
+    if surest.varies.windows(2).any(|w| w[0] > w[1]) {
+        words.push("transposed".to_owned());
+    }
+    for ramp in surest.ramps.iter().filter(|r| r.flip) {
+        words.push(format!("flipped in {}", ramp.parameter));
+    }
+    words.extend(axes.iter().flat_map(|a| a.faults.clone()));
+    let separable =
+        claim.channels.iter().any(|c| c.spec.model.smith == Smith::Separable && model_words(&c.spec).contains("Smith"));
+    if separable {
+        words.push("separable".to_owned());
+    }
+    words
+}
+
+/// The commands that bake what the claim says: one per group of channels with the same axes and model.
+fn commands(claim: &Claim, grid: &Grid) -> Vec<String> {
+    let groups = claim.groups();
+    let several = groups.len() > 1;
+    groups
+        .iter()
+        .enumerate()
+        .map(|(i, (spec, channels))| {
+            let names: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
+            let named = TABLES
+                .iter()
+                .find(|t| t.channels == names)
+                .or_else(|| TABLES.iter().find(|t| names.iter().all(|n| t.channels.contains(n))))
+                .or_else(|| TABLES.iter().find(|t| t.channels.contains(&names[0])));
+            let name = named.map_or("dfg", |t| t.name);
+            let mut command = format!("kiln table {name}");
+            if named.is_none_or(|t| t.channels != names) {
+                command += &format!(" --channels {}", names.join(","));
+            }
+            let axes: Vec<String> = spec.axes.iter().map(Axis::brief).collect();
+            command += &format!(" --axes {}", axes.join(","));
+            let own: Vec<(Parameter, f64)> =
+                named.and_then(|t| t.default_point().ok()).map_or(vec![], |p| p.given().collect());
+            for (parameter, value) in spec.at.given().filter(|given| !own.contains(given)) {
+                command += &format!(" --{} {value}", parameter.name().replace('_', "-"));
+            }
+            command += &model_flags(spec);
+            let half = channels.iter().all(|c| grid.channels[c.index].stored == Stored::F16);
+            let stem = if several { format!("{name}-{}", i + 1) } else { name.to_owned() };
+            command + &format!(" -o {stem}.{}", if half && names.len() <= 4 { "ktx2" } else { "exr" })
+        })
+        .collect()
+}
+
+fn model_flags(spec: &TableSpec) -> String {
+    let (model, usual) = (spec.model, Model::default());
+    let mut flags = String::new();
+    if model.smith != usual.smith {
+        flags += &format!(" --smith {}", model.smith.name());
+    }
+    if model.visibility != usual.visibility {
+        flags += &format!(" --visibility {}", model.visibility.name());
+    }
+    if model.kd != usual.kd {
+        flags += &format!(" --kd {}", model.kd.name());
+    }
+    flags
+}

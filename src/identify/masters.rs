@@ -1,0 +1,272 @@
+//! Masters: every quantity on a dense grid of its parameters, to be looked up instead of integrated while hypotheses are tried by the
+//! thousand.
+//!
+//! A master is one family of quantities for one model, sampled where it varies (most nodes at grazing angles and small roughness) and
+//! interpolated by cubic polynomials. It is good for choosing between hypotheses, to about 1e-4; whatever is chosen is then judged by
+//! quadrature.
+
+use super::cache;
+use crate::error::Result;
+use crate::integrate::{Integration, Settings};
+use crate::math::warp::Warp;
+use crate::model::charlie::Visibility;
+use crate::model::ggx::Smith;
+use crate::model::layered::Kd;
+use crate::table::quantity::{self, Handle, evaluate_family};
+use crate::table::{Axis, Model, Parameter, Point, Quantity};
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex};
+
+/// What one master holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Definition {
+    /// A quantity of the family; the master holds all of them.
+    pub handle: Handle,
+    /// The nodes along each parameter.
+    pub nodes: Vec<Axis>,
+    /// Values of the parameters that no node varies.
+    pub at: Point,
+    /// The choices within the model.
+    pub model: Model,
+}
+
+impl Definition {
+    /// The quantities, in the order of the values.
+    pub fn quantities(&self) -> &'static [Quantity] {
+        self.handle.family.quantities()
+    }
+
+    /// Everything that its values depend on, to name a file with.
+    fn key(&self) -> String {
+        let nodes: Vec<String> = self.nodes.iter().map(Axis::to_string).collect();
+        let names: Vec<&str> = self.quantities().iter().map(|q| q.name).collect();
+        format!("{names:?} {nodes:?} {:?} {:?}", self.at.to_string(), self.model)
+    }
+}
+
+/// A master with its values.
+#[derive(Debug)]
+pub struct Master {
+    /// What it holds.
+    pub definition: Definition,
+    /// The values, quantity fastest, then the parameters in order.
+    pub values: Vec<f64>,
+}
+
+/// What values of a master may be off by.
+const TOLERANCE: f64 = 1e-5;
+/// Points of a value that only Monte Carlo knows.
+const SAMPLES: u64 = 4096;
+
+fn axis(parameter: Parameter, size: usize, warp: Warp, range: Option<(f64, f64)>) -> Axis {
+    Axis { size, warp, range, sampling: crate::table::Sampling::Edge, ..Axis::new(parameter, size) }
+}
+
+/// Every master for tables over `n_axes` axes.
+pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
+    use Parameter as P;
+    let mu = |n| axis(P::Mu, n, Warp::Log { offset: 0.004 }, None);
+    let roughness = |n| axis(P::Roughness, n, Warp::Log { offset: 0.08 }, None);
+    let linear = |p, n| axis(p, n, Warp::Linear, None);
+    let outside = |n| axis(P::Eta, n, Warp::F0FourthRoot, None);
+    let inside = |n| axis(P::Eta, n, Warp::F0FourthRoot, Some((0.0, 1.0)));
+    let plain = Model::default();
+    let smith = |smith| Model { smith, ..plain };
+    let visibility = |visibility| Model { visibility, ..plain };
+    let mut list: Vec<(&str, Vec<Axis>, &[(P, f64)], Model)> = vec![];
+    match n_axes {
+        1 => {
+            for s in Smith::ALL {
+                list.push(("ggx.albedo_avg", vec![roughness(33)], &[], smith(s)));
+            }
+            for s in [Smith::Correlated, Smith::Separable] {
+                list.push(("beckmann.albedo_avg", vec![roughness(33)], &[], smith(s)));
+            }
+            for v in Visibility::ALL {
+                list.push(("charlie.albedo_avg", vec![roughness(33)], &[], visibility(v)));
+            }
+            list.push(("fresnel.schlick_avg", vec![linear(P::F0, 9)], &[], plain));
+            list.push(("fresnel.dielectric_avg", vec![outside(65)], &[], plain));
+            list.push(("fresnel.dielectric_avg", vec![inside(65)], &[], plain));
+        }
+        2 => {
+            for s in Smith::ALL {
+                list.push(("ggx.scale", vec![mu(65), roughness(49)], &[], smith(s)));
+            }
+            for s in [Smith::Correlated, Smith::Separable] {
+                list.push(("beckmann.scale", vec![mu(57), roughness(41)], &[], smith(s)));
+            }
+            for v in Visibility::ALL {
+                list.push(("charlie.albedo", vec![mu(57), roughness(33)], &[], visibility(v)));
+            }
+            for name in ["burley.albedo", "burley-renormalized.albedo", "fujii.albedo"] {
+                list.push((name, vec![mu(49), linear(P::Roughness, 17)], &[], plain));
+            }
+            list.push(("oren-nayar.albedo", vec![mu(49), linear(P::Sigma, 33)], &[], plain));
+            list.push(("conductor.albedo", vec![mu(41), roughness(25)], &[(P::N, 0.42), (P::K, 2.35)], plain));
+            list.push(("fresnel.schlick", vec![mu(65), linear(P::F0, 5)], &[], plain));
+            list.push(("fresnel.dielectric", vec![mu(97), outside(65)], &[], plain));
+            list.push(("fresnel.dielectric", vec![mu(97), inside(65)], &[], plain));
+            let (n, k) = (axis(P::N, 49, Warp::Sqrt, Some((0.01, 8.0))), axis(P::K, 49, Warp::Sqrt, Some((0.0, 16.0))));
+            list.push(("fresnel.conductor_avg", vec![n, k], &[], plain));
+            list.push(("dielectric.albedo_avg", vec![roughness(9), outside(13)], &[], plain));
+            list.push(("dielectric.albedo_avg", vec![roughness(9), inside(13)], &[], plain));
+        }
+        _ => {
+            for eta in [outside(13), inside(13)] {
+                list.push(("dielectric.albedo", vec![mu(21), roughness(13), eta], &[], plain));
+            }
+            list.push(("eon.albedo", vec![mu(25), linear(P::Roughness, 9), linear(P::Rho, 9)], &[], plain));
+            list.push(("compensation.none", vec![mu(25), roughness(13), linear(P::F0, 5)], &[], plain));
+            for kd in [Kd::Fresnel, Kd::Albedo, Kd::Reciprocal] {
+                let model = Model { kd, ..plain };
+                list.push(("layered.albedo", vec![mu(21), roughness(13), linear(P::F0, 5)], &[(P::Rho, 0.8)], model));
+            }
+            let (n, k) = (axis(P::N, 21, Warp::Sqrt, Some((0.01, 8.0))), axis(P::K, 21, Warp::Sqrt, Some((0.0, 16.0))));
+            list.push(("fresnel.conductor", vec![mu(33), n, k], &[], plain));
+            list.push(("fresnel.f82", vec![mu(65), linear(P::F0, 5), linear(P::F82, 5)], &[], plain));
+            let wide = |p| axis(p, 9, Warp::Sqrt, None);
+            let between = &[(P::Phi, std::f64::consts::FRAC_PI_4)];
+            list.push(("ggx.albedo", vec![mu(17), wide(P::AlphaX), wide(P::AlphaY)], between, plain));
+        }
+    }
+    list.into_iter()
+        .map(|(name, nodes, values, model)| {
+            let given = |p: P| {
+                nodes.iter().any(|a| a.parameter.canonical() == p.canonical()) || values.iter().any(|(q, _)| *q == p)
+            };
+            let handle = quantity::find_among(name, given)?;
+            let at = values.iter().try_fold(Point::default(), |at, &(p, v)| at.with(p, v))?;
+            Ok(Definition { handle, nodes, at, model })
+        })
+        .collect()
+}
+
+/// Masters that this process has already, by their keys.
+static LOADED: Mutex<Vec<(String, Arc<Master>)>> = Mutex::new(vec![]);
+
+/// The masters for tables over `n_axes` axes: from memory, from the cache, or integrated now and kept.
+///
+/// **Errors**: those of the integrator. A cache that cannot be read or written is no error: it only saves time.
+pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
+    definitions(n_axes)?
+        .into_iter()
+        .map(|definition| {
+            let key = definition.key();
+            let known = |loaded: &Vec<(String, Arc<Master>)>| {
+                loaded.iter().find(|(k, _)| *k == key).map(|(_, master)| Arc::clone(master))
+            };
+            if let Some(master) = LOADED.lock().ok().and_then(|loaded| known(&loaded)) {
+                return Ok(master);
+            }
+            let n = definition.nodes.iter().map(|a| a.size).product::<usize>() * definition.quantities().len();
+            let values = match cache::read(&key, n).filter(|_| use_cache) {
+                Some(values) => values,
+                None => {
+                    let values = integrate(&definition)?;
+                    if use_cache {
+                        cache::write(&key, &values);
+                    }
+                    values
+                }
+            };
+            let master = Arc::new(Master { definition, values });
+            if let Ok(mut loaded) = LOADED.lock() {
+                loaded.push((key, Arc::clone(&master)));
+            }
+            Ok(master)
+        })
+        .collect()
+}
+
+fn integrate(definition: &Definition) -> Result<Vec<f64>> {
+    let family = definition.handle.family;
+    let settings = if family.has_quadrature() {
+        Settings { tolerance: Some(TOLERANCE), ..Settings::default() }
+    } else {
+        Settings { samples: Some(SAMPLES), ..Settings::default() }
+    };
+    let integration = Integration::new(settings)?;
+    let n = definition.nodes.iter().map(|a| a.size).product::<usize>();
+    let rows: Vec<Vec<f64>> = (0..n)
+        .into_par_iter()
+        .map(|node| {
+            let (mut rest, mut at) = (node, definition.at);
+            for axis in &definition.nodes {
+                at.set(axis.parameter, axis.value(rest % axis.size));
+                rest /= axis.size;
+            }
+            let estimates = evaluate_family(family, &at, &definition.model, &integration)?;
+            // Where a quantity diverges, no table holds its value either.
+            Ok(estimates.into_iter().map(|e| if e.value.is_finite() { e.value } else { 0.0 }).collect())
+        })
+        .collect::<Result<_>>()?;
+    Ok(rows.concat())
+}
+
+/// Four neighbouring nodes and their weights: a cubic polynomial through them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Taps {
+    /// The first node.
+    pub first: usize,
+    /// The weights; of axes of fewer nodes, the last are 0.
+    pub weights: [f64; 4],
+}
+
+impl Taps {
+    /// At a position in nodes.
+    pub fn new(position: f64, n: usize) -> Self {
+        let points = n.min(4);
+        let position = if position.is_nan() { 0.0 } else { position.clamp(0.0, (n - 1) as f64) };
+        let first = (position.floor() as usize).saturating_sub(1).min(n - points);
+        let x = position - first as f64;
+        let mut weights = [0.0; 4];
+        for (i, weight) in weights.iter_mut().enumerate().take(points) {
+            *weight = (0..points).filter(|&j| j != i).map(|j| (x - j as f64) / (i as f64 - j as f64)).product();
+        }
+        Self { first, weights }
+    }
+}
+
+impl Master {
+    /// Quantity `q` at every texel of a grid that is the product of the taps along each parameter, the first fastest.
+    pub fn grid(&self, q: usize, taps: &[Vec<Taps>]) -> Vec<f64> {
+        let n_quantities = self.definition.quantities().len();
+        // One parameter after the other, from the last: each shrinks the grid to what is asked for.
+        let mut values: Vec<f64> = self.values.iter().copied().skip(q).step_by(n_quantities).collect();
+        let mut sizes: Vec<usize> = self.definition.nodes.iter().map(|a| a.size).collect();
+        for dimension in (0..sizes.len()).rev() {
+            let stride: usize = sizes[..dimension].iter().product();
+            let outer: usize = sizes[dimension + 1..].iter().product();
+            let (from, to) = (sizes[dimension], taps[dimension].len());
+            let mut shrunk = vec![0.0; stride * to * outer];
+            for o in 0..outer {
+                for (t, tap) in taps[dimension].iter().enumerate() {
+                    let out = &mut shrunk[(o * to + t) * stride..][..stride];
+                    for (k, &weight) in tap.weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                        let line = &values[(o * from + tap.first + k) * stride..][..stride];
+                        out.iter_mut().zip(line).for_each(|(out, v)| *out += weight * v);
+                    }
+                }
+            }
+            (values, sizes[dimension]) = (shrunk, to);
+        }
+        values
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_taps_are_exact_for_cubics() {
+        let f = |x: f64| 1.0 - x + 0.5 * x * x - 0.1 * x * x * x;
+        for position in [0.0, 0.3, 1.0, 2.5, 6.9, 7.0] {
+            let taps = Taps::new(position, 8);
+            let got: f64 = taps.weights.iter().enumerate().map(|(i, w)| w * f((taps.first + i) as f64)).sum();
+            assert!((got - f(position)).abs() < 1e-12, "{position}: {got}");
+        }
+        assert_eq!(Taps::new(0.5, 2).weights, [0.5, 0.5, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,340 @@
+//! What a table holds that somebody else made: which quantities, over which axes, and what went wrong with it.
+//!
+//! Every quantity is tried over every simple arrangement of axes against [`masters`](masters::Master), which are dense tables of
+//! everything that Kiln knows; the best are then fitted: shifts and ranges of axes, factors and offsets of values. What fits best is judged by
+//! quadrature, texel by texel, and so is what fits second best.
+//!
+//! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
+//! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
+//! variation is left at most, and anything else leaves half as much again; *possible* when a tenth is left, whatever else may be. Otherwise it is
+//! unknown.
+
+mod cache;
+mod explain;
+pub mod masters;
+mod ramp;
+mod search;
+
+pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
+
+use crate::claim::{Claim, ClaimedChannel, Curve};
+use crate::error::{Error, Result};
+use crate::format::Grid;
+use crate::integrate::{Integration, Settings};
+use crate::table::TableSpec;
+use crate::table::quantity::evaluate_family;
+use rayon::prelude::*;
+use search::{Data, Hypothesis};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// How to find out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Whether masters are kept in the user's cache folder and read from it.
+    pub cache: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { cache: true }
+    }
+}
+
+/// How sure it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Confidence {
+    /// Nothing explains the values.
+    Unknown,
+    /// The best explanation, but a poor one, or one among several.
+    Possible,
+    /// A good explanation, better than any other.
+    Likely,
+    /// As good as rounding allows, and nothing else comes near.
+    Certain,
+}
+
+impl Confidence {
+    /// The word that reports use.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Possible => "possibly",
+            Self::Likely => "likely",
+            Self::Certain => "certainly",
+        }
+    }
+}
+
+/// What a table is found to hold.
+#[derive(Debug, Clone, Serialize)]
+pub struct Identification {
+    /// Size, channels, precision and container.
+    pub file: String,
+    /// The least sure of the channels.
+    pub confidence: Confidence,
+    /// What each channel holds.
+    pub channels: Vec<ChannelFinding>,
+    /// What the texels stand for, of the channel that is surest.
+    pub axes: Vec<AxisFinding>,
+    /// `transposed`, `flipped`, `shifted by 1 texel in roughness`, `cropped`, `separable` …: what to know before using it.
+    pub words: Vec<String>,
+    /// The commands that bake the table as it should be.
+    pub commands: Vec<String>,
+    /// The same, to be judged by.
+    #[serde(skip)]
+    pub claim: Claim,
+}
+
+impl Identification {
+    /// What went wrong with the table, in sentences.
+    pub fn faults(&self) -> Vec<String> {
+        let faults: Vec<&str> = self.axes.iter().flat_map(|a| &a.faults).map(String::as_str).collect();
+        faults.iter().map(|fault| format!("the table is {fault}; it is judged as it should be")).collect()
+    }
+
+    /// The channels that nothing explains, in sentences.
+    pub fn unexplained(&self) -> Vec<String> {
+        let unknown = self.channels.iter().filter(|c| c.confidence == Confidence::Unknown);
+        unknown.map(|c| format!("what channel {} holds is unknown", c.channel)).collect()
+    }
+}
+
+/// Texels below which there is nothing to go by.
+const FEWEST_TEXELS: usize = 12;
+/// Texels along a dimension below which a warp cannot be told.
+const FEWEST_ALONG: usize = 4;
+/// Hypotheses of a channel that are fitted.
+const FITTED: usize = 14;
+/// Texels at which a hypothesis is judged by quadrature at most.
+const JUDGED: [usize; 3] = [512, 48, 12];
+
+/// Residuals, in parts of a channel's variation, below which no further masters are asked.
+const GOOD: f64 = 0.01;
+
+/// Finds out what `grid` holds.
+///
+/// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
+pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
+    let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
+    if grid.texels() < FEWEST_TEXELS || sizes.iter().any(|&s| s < FEWEST_ALONG) {
+        return Err(Error::unsupported(
+            format!("{}, too few to tell a table by", grid.summary()),
+            format!(
+                "give {FEWEST_ALONG} along each dimension at least and {FEWEST_TEXELS} in all, or say what it is with `kiln verify --as`"
+            ),
+        ));
+    }
+    let data: Vec<Option<Data>> = (0..grid.channels.len()).map(|c| channel_data(grid, c, &sizes)).collect();
+    for (c, channel) in grid.channels.iter().enumerate() {
+        let bad = grid.channel(c).iter().filter(|v| !v.is_finite()).count();
+        if 2 * bad > grid.texels() {
+            return Err(Error::invalid(
+                format!("{bad} of {} values of channel {} are NaN or infinite", grid.texels(), channel.name),
+                "export the table again",
+            ));
+        }
+    }
+    let varying: Vec<usize> = (0..data.len()).filter(|&c| data[c].is_some()).collect();
+    let channels: Vec<Data> = data.iter().flatten().cloned().collect();
+    let mut ranked = rank(&channels, sizes.len(), options)?;
+    share_axes(&mut ranked, &channels, options);
+    explain::explain(grid, &varying, &channels, ranked)
+}
+
+/// The channel's numbers; `None` for a constant.
+fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
+    let values = grid.channel(c);
+    let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let n = finite.len() as f64;
+    let mean = finite.iter().sum::<f64>() / n;
+    let spread = (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let stored = grid.channels[c].stored;
+    // The error of rounding is spread evenly over a step.
+    let squares = finite.iter().map(|&v| stored.step(v).powi(2) / 12.0).sum::<f64>();
+    let rounding = (squares / n).sqrt();
+    let (low, high) = finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+    (high - low > 2.0 * stored.step(high)).then(|| Data { values, sizes: sizes.to_vec(), spread, rounding })
+}
+
+/// A hypothesis, what it costs by the masters, and its residuals by quadrature.
+#[derive(Debug, Clone)]
+struct Ranked {
+    hypothesis: Hypothesis,
+    cost: f64,
+    /// Root mean square of what is left, in stored units, by quadrature.
+    rms: f64,
+    /// The same without the worst tenth.
+    trimmed: f64,
+}
+
+/// The best hypotheses of each channel, fitted and judged, the best first.
+fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<Ranked>>> {
+    if n_axes == 0 || channels.is_empty() {
+        return Ok(vec![vec![]; channels.len()]);
+    }
+    let mut fitted: Vec<Vec<(Hypothesis, f64)>> = vec![vec![]; channels.len()];
+    // Tables with a parameter fixed, and curves, are looked into only where nothing simpler explains the channel.
+    let rounds: [(usize, &[Curve]); 3] =
+        [(n_axes, &[Curve::Plain]), (n_axes, &[Curve::Ratio, Curve::Srgb]), (n_axes + 1, &[Curve::Plain])];
+    for (master_axes, curves) in rounds {
+        if master_axes > 3 || (n_axes == 1 && master_axes == 2) {
+            continue;
+        }
+        let open: Vec<usize> = (0..channels.len())
+            .filter(|&c| fitted[c].first().is_none_or(|(h, _)| h.relative(&channels[c]) > GOOD))
+            .collect();
+        if open.is_empty() {
+            break;
+        }
+        let masters = masters::load(master_axes, options.cache)?;
+        let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
+        let found = search::search(&data, &masters, curves, FITTED);
+        for ((c, data), hypotheses) in open.into_iter().zip(&data).zip(found) {
+            let choice = search::fine(&data.sizes);
+            let new: Vec<(Hypothesis, f64)> = hypotheses
+                .par_iter()
+                .map(|h| {
+                    let (h, cost) = search::fit(h, data, &choice);
+                    if h.relative(data) < 0.3 { search::snap(&h, data, &choice) } else { (h, cost) }
+                })
+                .collect();
+            fitted[c].extend(new);
+            fitted[c].sort_by(|a, b| a.1.total_cmp(&b.1));
+        }
+    }
+    fitted
+        .into_iter()
+        .zip(channels)
+        .map(|(list, data)| {
+            let mut ranked: Vec<Ranked> = vec![];
+            for (hypothesis, cost) in list {
+                // Two that came to the same are one.
+                let same = |r: &Ranked| says(&r.hypothesis) == says(&hypothesis);
+                if ranked.len() < SECOND && !ranked.iter().any(same) {
+                    ranked.push(judged(hypothesis, cost, data)?);
+                }
+            }
+            Ok(ranked)
+        })
+        .collect()
+}
+
+/// Hypotheses of a channel that are judged by quadrature.
+const SECOND: usize = 3;
+
+/// What a hypothesis says, whatever numbers were fitted.
+fn says(h: &Hypothesis) -> String {
+    let ramps: Vec<String> =
+        h.ramps.iter().map(|r| format!("{:?} {} {}", r.parameter.canonical(), r.flip, r.warp)).collect();
+    let model = h.master.definition.model;
+    format!("{} {model:?} {ramps:?} {:?}", h.master.definition.quantities()[h.quantity].name, h.encoding.curve)
+}
+
+/// The hypothesis with its residuals by quadrature.
+fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
+    let choice = search::choice(&data.sizes, JUDGED[data.sizes.len() - 1]);
+    let definition = &hypothesis.master.definition;
+    let family = definition.handle.family;
+    let settings =
+        Settings { tolerance: Some(1e-6), samples: (!family.has_quadrature()).then_some(4096), ..Settings::default() };
+    let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
+    let integration = Integration::new(settings)?;
+    let texels = search::indices(&data.sizes, &choice);
+    let mut squares: Vec<f64> = texels
+        .par_iter()
+        .filter(|&&texel| data.values[texel].is_finite())
+        .map(|&texel| {
+            let (mut rest, mut at) = (texel, definition.at);
+            for (ramp, &size) in hypothesis.ramps.iter().zip(&data.sizes) {
+                at.set(ramp.parameter, ramp.value(rest % size));
+                rest /= size;
+            }
+            if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
+                at.set(last.parameter, free);
+            }
+            let exact = evaluate_family(family, &at, &definition.model, &integration)?[hypothesis.quantity].value;
+            Ok((hypothesis.encoding.encode(exact) - data.values[texel]).powi(2))
+        })
+        .collect::<Result<_>>()?;
+    squares.retain(|s| s.is_finite());
+    squares.sort_by(f64::total_cmp);
+    let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
+    let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
+    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best })
+}
+
+/// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
+const SHARED_IS_AS_GOOD: f64 = 1.5;
+
+/// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
+/// about as well.
+fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) {
+    let relative = |c: usize, r: &Ranked| (r.trimmed + channels[c].rounding) / channels[c].spread;
+    let surest = (0..ranked.len())
+        .filter_map(|c| Some((c, relative(c, ranked[c].first()?))))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(c, _)| c);
+    let Some(anchor) = surest.and_then(|c| ranked[c].first().map(|r| r.hypothesis.clone())) else { return };
+    let n_axes = anchor.ramps.len();
+    for (c, list) in ranked.iter_mut().enumerate() {
+        if Some(c) == surest {
+            continue;
+        }
+        let data = &channels[c];
+        let choice = search::fine(&data.sizes);
+        let Ok(masters) = masters::load(anchor.master.definition.nodes.len(), options.cache) else { continue };
+        let mut shared: Vec<(Hypothesis, f64)> = vec![];
+        for master in masters {
+            // Only masters over the same parameters can share axes.
+            let parameters = |m: &masters::Master| m.definition.nodes.iter().map(|a| a.parameter).collect::<Vec<_>>();
+            if parameters(&master) != parameters(&anchor.master) || n_axes != anchor.varies.len() {
+                continue;
+            }
+            for quantity in 0..master.definition.quantities().len() {
+                for curve in Curve::ALL {
+                    let mut h = Hypothesis { master: Arc::clone(&master), quantity, ..anchor.clone() };
+                    h.encoding.curve = curve;
+                    let values: Vec<f64> = data.at(&choice).into_iter().map(|v| curve.undo(v)).collect();
+                    shared.push(search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding));
+                }
+            }
+        }
+        shared.sort_by(|a, b| a.1.total_cmp(&b.1));
+        // Of models that fit alike, the surest channel's.
+        let best = shared.first().map_or(f64::INFINITY, |s| s.1);
+        let own_model = shared
+            .iter()
+            .position(|(h, cost)| Arc::ptr_eq(&h.master, &anchor.master) && *cost <= SHARED_IS_AS_GOOD * best)
+            .unwrap_or(0);
+        if shared.is_empty() {
+            continue;
+        }
+        let (hypothesis, cost) = shared.swap_remove(own_model);
+        let good = list.first().is_none_or(|own| cost <= SHARED_IS_AS_GOOD * own.cost);
+        if good && let Ok(new) = judged(hypothesis, cost, data) {
+            list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));
+            list.insert(0, new);
+        }
+    }
+}
+
+/// What a hypothesis claims of channel `index` of the file, as it should be: without shifts.
+fn claimed(index: usize, hypothesis: &Hypothesis, grid: &Grid) -> ClaimedChannel {
+    let definition = &hypothesis.master.definition;
+    let handle = crate::table::quantity::Handle {
+        quantity: &definition.quantities()[hypothesis.quantity],
+        index: hypothesis.quantity,
+        ..definition.handle
+    };
+    let mut at = definition.at;
+    if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
+        at.set(last.parameter, (free * 1e4).round() / 1e4);
+    }
+    let mut ramps = hypothesis.ramps.iter();
+    // Dimensions of one texel between others have no axis; a claim over fewer axes needs the others first.
+    let axes = grid.size.iter().filter(|&&s| s > 1).filter_map(|_| ramps.next()).map(ramp::Ramp::axis).collect();
+    let spec = TableSpec { channels: vec![handle], axes, at, model: definition.model };
+    ClaimedChannel { index, spec, encoding: hypothesis.encoding }
+}

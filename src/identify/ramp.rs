@@ -1,0 +1,172 @@
+//! Which parameter the texels along one dimension of an unknown table may stand for, shifted and stretched as it may be.
+
+use crate::math::warp::Warp;
+use crate::table::{Axis, Parameter, Sampling};
+
+/// Texel i stands for the parameter whose warp is at the part `first + step · i` of its range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ramp {
+    /// The parameter.
+    pub parameter: Parameter,
+    /// The function of it in which texels are even.
+    pub warp: Warp,
+    /// The range from part 0 to part 1.
+    pub range: (f64, f64),
+    /// The parameters beyond which it stays.
+    pub domain: (f64, f64),
+    /// Texels.
+    pub size: usize,
+    /// Whether texels are counted from the last.
+    pub flip: bool,
+    /// The part of the range at texel 0.
+    pub first: f64,
+    /// The part of the range from one texel to the next.
+    pub step: f64,
+}
+
+/// Simple places of texels, simplest first: name them to the user, prefer them to any that were fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place {
+    /// (i + ½ + shift)/n.
+    Centre(f64),
+    /// (i + shift)/(n − 1).
+    Edge(f64),
+}
+
+impl Place {
+    /// What a table's axis may be, in order of simplicity.
+    pub const ALL: [Self; 10] = [
+        Self::Centre(0.0),
+        Self::Edge(0.0),
+        Self::Centre(1.0),
+        Self::Centre(-1.0),
+        Self::Centre(0.5),
+        Self::Centre(-0.5),
+        Self::Edge(1.0),
+        Self::Edge(-1.0),
+        Self::Centre(2.0),
+        Self::Centre(-2.0),
+    ];
+
+    /// The part at texel 0 and from one texel to the next, of `size` texels.
+    pub fn of(self, size: usize) -> (f64, f64) {
+        let n = size as f64;
+        match self {
+            Self::Centre(shift) => ((0.5 + shift) / n, 1.0 / n),
+            Self::Edge(shift) => (shift / (n - 1.0).max(1.0), 1.0 / (n - 1.0).max(1.0)),
+        }
+    }
+}
+
+impl Ramp {
+    /// The parameter at texel `i`.
+    pub fn value(&self, i: usize) -> f64 {
+        let i = if self.flip { self.size - 1 - i } else { i };
+        self.at(self.first + self.step * i as f64)
+    }
+
+    /// The parameter at a part of the range.
+    pub fn at(&self, part: f64) -> f64 {
+        let ends = |(low, high)| {
+            let (a, b) = (self.warp.forward(low), self.warp.forward(high));
+            if a < b { (a, b) } else { (b, a) }
+        };
+        let ((a, b), (least, most)) = (ends(self.range), ends(self.domain));
+        let (low, high) = self.domain;
+        // Beyond the domain there is nothing: bakers clamp there.
+        let warped = (a + part * (b - a)).clamp(least, most);
+        self.warp.inverse(warped, self.range.0 < 1.0).clamp(low, high)
+    }
+
+    /// The same with the texels at a simple place.
+    pub fn placed(self, place: Place) -> Self {
+        let (first, step) = place.of(self.size);
+        Self { first, step, ..self }
+    }
+
+    /// The simple place where the texels are, if they are at one.
+    pub fn place(&self) -> Option<Place> {
+        Place::ALL.into_iter().find(|place| {
+            let (first, step) = place.of(self.size);
+            (first, step) == (self.first, self.step)
+        })
+    }
+
+    /// The axis as a recipe has it: shifts by texels are left out, as they are faults; whatever else was fitted becomes a range.
+    pub fn axis(&self) -> Axis {
+        let axis = Axis { warp: self.warp, flip: self.flip, ..Axis::new(self.parameter, self.size) };
+        let own = axis.known_range();
+        let range = |low: f64, high: f64| if own == Some((low, high)) { None } else { Some((low, high)) };
+        match self.place() {
+            Some(Place::Centre(_)) => Axis { range: range(self.range.0, self.range.1), ..axis },
+            Some(Place::Edge(_)) => Axis { sampling: Sampling::Edge, range: range(self.range.0, self.range.1), ..axis },
+            None => {
+                let ends = [self.first - 0.5 * self.step, self.first + self.step * (self.size as f64 - 0.5)];
+                let tidy = |v: f64| if v.is_finite() { (v * 1e5).round() / 1e5 } else { v };
+                let [a, b] = ends.map(|part| tidy(self.at(part)));
+                if a == b { axis } else { Axis { range: range(a.min(b), a.max(b)), ..axis } }
+            }
+        }
+    }
+}
+
+/// What texels along a dimension of `size` may stand for, if it is the parameter of a master's nodes: at centres, not flipped.
+pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
+    use Parameter as P;
+    let domain = nodes.ends();
+    let log = |offset| Warp::Log { offset };
+    let (unit, any) = ((0.0, 1.0), domain);
+    let list: Vec<(P, Warp, (f64, f64))> = match nodes.parameter {
+        P::Mu => [Warp::Linear, Warp::Sqrt, Warp::SqrtOneMinus, Warp::Acos, Warp::Square, Warp::Cbrt, log(0.01)]
+            .map(|warp| (P::Mu, warp, unit))
+            .into(),
+        P::Roughness | P::Alpha => vec![
+            (P::Roughness, Warp::Linear, unit),
+            (P::Alpha, Warp::Linear, unit),
+            (P::Roughness, Warp::Sqrt, unit),
+            (P::Roughness, log(0.05), unit),
+            (P::Alpha, Warp::Square, unit),
+            (P::Roughness, Warp::Acos, unit),
+            (P::Roughness, Warp::SqrtOneMinus, unit),
+        ],
+        P::Eta if domain.0 >= 1.0 => {
+            vec![(P::Eta, Warp::F0FourthRoot, any), (P::Eta, Warp::Linear, (1.0, 3.0)), (P::Eta, log(0.0), (1.0, 3.0))]
+        }
+        P::Eta => vec![(P::Eta, Warp::F0FourthRoot, any), (P::Eta, Warp::Linear, unit), (P::Eta, Warp::Square, unit)],
+        P::N => vec![(P::N, Warp::Linear, (0.1, 4.0))],
+        P::K => vec![(P::K, Warp::Linear, (0.0, 8.0))],
+        P::AlphaX | P::AlphaY => [Warp::Linear, Warp::Sqrt].map(|warp| (nodes.parameter, warp, unit)).into(),
+        p => [Warp::Linear, Warp::Sqrt, Warp::Square].map(|warp| (p, warp, any)).into(),
+    };
+    list.into_iter()
+        .map(|(parameter, warp, range)| {
+            let domain = if parameter == P::Alpha { unit } else { domain };
+            let ramp = Ramp { parameter, warp, range, domain, size, flip: false, first: 0.0, step: 0.0 };
+            ramp.placed(Place::Centre(0.0))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_at_a_simple_place_is_the_axis_that_it_becomes() {
+        for nodes in ["mu:9", "roughness:9", "eta:9:f0-fourth-root", "eta:9:0..1:f0-fourth-root", "sigma:9"] {
+            let nodes: Axis = nodes.parse().unwrap();
+            for ramp in ramps(&nodes, 16) {
+                for (place, flip) in [(Place::Centre(0.0), false), (Place::Edge(0.0), true), (Place::Centre(0.0), true)]
+                {
+                    let ramp = Ramp { flip, ..ramp.placed(place) };
+                    let axis = ramp.axis();
+                    axis.check().unwrap_or_else(|e| panic!("{axis}: {e}"));
+                    for i in 0..16 {
+                        let (a, b) = (ramp.value(i), axis.value(i));
+                        assert!(a == b || (a - b).abs() < 1e-9 * (1.0 + b.abs()), "{axis} at {i}: {a} {b}");
+                    }
+                }
+            }
+        }
+    }
+}

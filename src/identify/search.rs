@@ -1,0 +1,543 @@
+//! Trying every master over every simple arrangement of axes, on a choice of texels; then fitting shifts, ranges and factors of those
+//! that come nearest.
+
+use super::masters::{Master, Taps};
+use super::ramp::{Place, Ramp, ramps};
+use crate::claim::{Curve, Encoding};
+use crate::table::{Axis, Parameter};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// What a channel may hold.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// Whose quantity.
+    pub master: Arc<Master>,
+    /// Which of its quantities.
+    pub quantity: usize,
+    /// The ramp along each dimension of the table.
+    pub ramps: Vec<Ramp>,
+    /// Which of the master's parameters each dimension varies.
+    pub varies: Vec<usize>,
+    /// The value of the master's last parameter, where no dimension varies it.
+    pub free: Option<f64>,
+    /// How the values are encoded.
+    pub encoding: Encoding,
+    /// The residual: root mean square without the worst tenth, in the units of the curve's argument.
+    pub residual: f64,
+}
+
+/// The numbers of one channel.
+#[derive(Debug, Clone)]
+pub struct Data {
+    /// The values, x fastest.
+    pub values: Vec<f64>,
+    /// Texels along the dimensions that have more than one.
+    pub sizes: Vec<usize>,
+    /// Standard deviation.
+    pub spread: f64,
+    /// What correct rounding leaves, RMS.
+    pub rounding: f64,
+}
+
+/// A choice of texels: the product of some indices along each dimension.
+pub type Choice = Vec<Vec<usize>>;
+
+/// At most so many indices along each dimension, both ends among them.
+pub fn choice(sizes: &[usize], most: usize) -> Choice {
+    sizes
+        .iter()
+        .map(|&n| {
+            let m = most.min(n);
+            (0..m).map(|i| if m > 1 { (i * (n - 1) + (m - 1) / 2) / (m - 1) } else { 0 }).collect()
+        })
+        .collect()
+}
+
+impl Data {
+    /// The values at a choice of texels.
+    pub fn at(&self, choice: &Choice) -> Vec<f64> {
+        indices(&self.sizes, choice).into_iter().map(|i| self.values[i]).collect()
+    }
+}
+
+/// The texels of a choice, x fastest.
+pub fn indices(sizes: &[usize], choice: &Choice) -> Vec<usize> {
+    let mut all = vec![0];
+    let mut stride: usize = sizes.iter().product();
+    for (size, chosen) in sizes.iter().zip(choice).rev() {
+        stride /= size;
+        all = all.iter().flat_map(|base| chosen.iter().map(move |i| base + i * stride)).collect();
+    }
+    all
+}
+
+/// The parameter that a master's nodes have, from that of a ramp.
+fn node_value(nodes: &Axis, ramp: &Ramp, i: usize) -> f64 {
+    let value = ramp.value(i);
+    match (nodes.parameter, ramp.parameter) {
+        (Parameter::Roughness, Parameter::Alpha) => value.sqrt(),
+        _ => value,
+    }
+}
+
+fn taps(nodes: &Axis, ramp: &Ramp, chosen: &[usize]) -> Vec<Taps> {
+    chosen.iter().map(|&i| Taps::new(nodes.position(node_value(nodes, ramp, i)), nodes.size)).collect()
+}
+
+impl Hypothesis {
+    /// The quantity at a choice of texels, x fastest.
+    pub fn predict(&self, choice: &Choice) -> Vec<f64> {
+        let nodes = &self.master.definition.nodes;
+        let mut per_parameter: Vec<Vec<Taps>> = vec![vec![]; nodes.len()];
+        for (dimension, &p) in self.varies.iter().enumerate() {
+            per_parameter[p] = taps(&nodes[p], &self.ramps[dimension], &choice[dimension]);
+        }
+        if let (Some(value), Some((last, taps))) = (self.free, nodes.last().zip(per_parameter.last_mut())) {
+            *taps = vec![Taps::new(last.position(value), last.size)];
+        }
+        let values = self.master.grid(self.quantity, &per_parameter);
+        in_table_order(&values, &per_parameter, &self.varies)
+    }
+
+    /// What of a value no encoding explains is relative to how much the channel varies.
+    pub fn relative(&self, data: &Data) -> f64 {
+        self.residual / data.spread
+    }
+
+    /// Whether both say the same of a table, whatever the fitted numbers are.
+    pub fn same_kind(&self, other: &Self) -> bool {
+        let ramp = |r: &Ramp| (r.parameter, r.flip, format!("{}", r.warp));
+        Arc::ptr_eq(&self.master, &other.master)
+            && self.quantity == other.quantity
+            && self.varies == other.varies
+            && self.ramps.iter().map(ramp).eq(other.ramps.iter().map(ramp))
+    }
+}
+
+/// Values over a master's parameters, the first fastest, in the order of the table's dimensions.
+fn in_table_order(values: &[f64], taps: &[Vec<Taps>], varies: &[usize]) -> Vec<f64> {
+    if varies.windows(2).all(|w| w[0] < w[1]) {
+        return values.to_vec();
+    }
+    let strides: Vec<usize> = (0..taps.len()).map(|p| taps[..p].iter().map(Vec::len).product()).collect();
+    let mut order = vec![0];
+    for &p in varies.iter().rev() {
+        order = order
+            .iter()
+            .flat_map(|base| {
+                (0..taps[p].len()).map({
+                    let stride = strides[p];
+                    move |i| base + i * stride
+                })
+            })
+            .collect();
+    }
+    order.into_iter().map(|i| values[i]).collect()
+}
+
+/// Factor and offset that bring `predicted` nearest to `values`, with weights.
+fn affine(values: &[f64], predicted: &[f64], weights: &[f64]) -> (f64, f64) {
+    let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for ((v, p), k) in values.iter().zip(predicted).zip(weights) {
+        if v.is_finite() {
+            w += k;
+            x += k * p;
+            y += k * v;
+            xx += k * p * p;
+            xy += k * p * v;
+        }
+    }
+    let determinant = w * xx - x * x;
+    if determinant <= 1e-12 * w * xx {
+        return (1.0, 0.0); // a constant explains nothing
+    }
+    let scale = (w * xy - x * y) / determinant;
+    (scale, (y - scale * x) / w)
+}
+
+/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy.
+fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64) -> f64 {
+    let mut squares: Vec<f64> =
+        values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()).collect();
+    if squares.is_empty() {
+        return f64::INFINITY;
+    }
+    let kept = (squares.len() * 9).div_ceil(10);
+    if kept < squares.len() {
+        squares.select_nth_unstable_by(kept, f64::total_cmp);
+    }
+    (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
+}
+
+/// What a factor and an offset of no known meaning must gain, in parts of the residual.
+const PRICE_OF_ANY: f64 = 4.0;
+/// The same for the known ones.
+const PRICE_OF_KNOWN: f64 = 1.5;
+/// The same for a curve.
+const PRICE_OF_CURVE: f64 = 2.0;
+/// Factors and offsets that tables are stored with.
+const KNOWN: [(f64, f64); 12] = [
+    (1.0, 0.0),
+    (std::f64::consts::FRAC_1_PI, 0.0),
+    (-1.0, 1.0),
+    (1.0, -0.5),
+    (0.5, 0.5),
+    (std::f64::consts::PI, 0.0),
+    (0.5, 0.0),
+    (2.0, 0.0),
+    (0.25, 0.0),
+    (4.0, 0.0),
+    (2.0, -1.0),
+    (1.0 / 255.0, 0.0),
+];
+
+/// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price.
+fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64) -> (Encoding, f64, f64) {
+    let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
+    let weights = vec![1.0; values.len()];
+    let (a, b) = affine(values, predicted, &weights);
+    let any = trimmed(values, predicted, a, b);
+    let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
+    for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
+        let residual = trimmed(values, predicted, scale, offset);
+        let price = if i == 0 { 1.0 } else { PRICE_OF_KNOWN };
+        let cost = (residual + floor) * price * price_of_curve;
+        if cost < best.2 {
+            best = (Encoding { scale, offset, curve }, residual, cost);
+        }
+    }
+    best
+}
+
+/// Indices along each dimension while everything is tried.
+const COARSE: [usize; 3] = [24, 11, 6];
+/// Indices along each dimension while the best are fitted.
+const FINE: [usize; 3] = [128, 24, 10];
+/// What interpolation between a master's nodes is off by: residuals below it decide nothing.
+pub const MASTER_ERROR: f64 = 3e-5;
+
+/// The choice of texels with which hypotheses are fitted.
+pub fn fine(sizes: &[usize]) -> Choice {
+    choice(sizes, FINE[sizes.len() - 1])
+}
+
+/// Every way to let the dimensions vary parameters, each one of its own; `None` where the master has too few or too many.
+fn assignments(n_dimensions: usize, n_parameters: usize) -> Vec<Vec<usize>> {
+    // With a parameter too many, its last is fixed: the index, the colour.
+    if n_parameters < n_dimensions || n_parameters > n_dimensions + 1 || (n_dimensions == 1 && n_parameters == 2) {
+        return vec![];
+    }
+    let mut all: Vec<Vec<usize>> = vec![vec![]];
+    for _ in 0..n_dimensions {
+        all = all
+            .iter()
+            .flat_map(|so_far| {
+                (0..n_dimensions)
+                    .filter(|p| !so_far.contains(p))
+                    .map(|p| [so_far.as_slice(), &[p]].concat())
+                    .collect::<Vec<_>>()
+            })
+            .collect();
+    }
+    all
+}
+
+/// Values that a parameter without a dimension is tried at, in parts of its nodes.
+const FREE: [f64; 5] = [0.15, 0.35, 0.55, 0.75, 0.95];
+
+/// Every ramp of a dimension: flipped or not, and for tables of few texels at centres and at edges.
+fn variants(nodes: &Axis, size: usize, both: bool) -> Vec<Ramp> {
+    let places: &[Place] = if both { &[Place::Centre(0.0), Place::Edge(0.0)] } else { &[Place::Centre(0.0)] };
+    ramps(nodes, size)
+        .into_iter()
+        .flat_map(|ramp| [false, true].map(|flip| Ramp { flip, ..ramp }))
+        .flat_map(|ramp| places.iter().map(move |&place| ramp.placed(place)))
+        .collect()
+}
+
+/// The best hypotheses of each channel: at most `most`, of different kinds, cheapest first.
+pub fn search(channels: &[Data], masters: &[Arc<Master>], curves: &[Curve], most: usize) -> Vec<Vec<Hypothesis>> {
+    let Some(sizes) = channels.first().map(|c| &c.sizes) else { return vec![] };
+    let choice = choice(sizes, COARSE[sizes.len() - 1]);
+    // (channel, curve, its values through the curve's inverse)
+    let values: Vec<(usize, Curve, Vec<f64>)> = channels
+        .iter()
+        .enumerate()
+        .flat_map(|(c, data)| {
+            let at = data.at(&choice);
+            curves.iter().map(move |&curve| (c, curve, at.iter().map(|&v| curve.undo(v)).collect()))
+        })
+        .collect();
+    let jobs: Vec<(&Arc<Master>, Vec<usize>, Option<f64>)> = masters
+        .iter()
+        .flat_map(|master| {
+            let nodes = &master.definition.nodes;
+            let frees: Vec<Option<f64>> = if nodes.len() > sizes.len() {
+                let last = nodes[nodes.len() - 1];
+                FREE.map(|f| Some(last.value_at_position(f * (last.size - 1) as f64))).into()
+            } else {
+                vec![None]
+            };
+            assignments(sizes.len(), nodes.len())
+                .into_iter()
+                .flat_map(move |varies| frees.clone().into_iter().map(move |free| (master, varies.clone(), free)))
+        })
+        .collect();
+    let found: Vec<(usize, f64, Hypothesis)> = jobs
+        .par_iter()
+        .flat_map_iter(|(master, varies, free)| try_all(master, varies, *free, sizes, &choice, &values, channels))
+        .collect();
+    let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
+    for (c, cost, hypothesis) in found {
+        best[c].push((cost, hypothesis));
+    }
+    best.into_iter()
+        .map(|mut all| {
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut kept: Vec<Hypothesis> = vec![];
+            for (_, hypothesis) in all {
+                // Of one quantity over axes in one order, a few warps are enough: shifts and ranges are fitted.
+                let alike = |k: &&Hypothesis| {
+                    Arc::ptr_eq(&k.master, &hypothesis.master)
+                        && (k.quantity, &k.varies) == (hypothesis.quantity, &hypothesis.varies)
+                };
+                if kept.len() < most
+                    && kept.iter().filter(alike).count() < 3
+                    && !kept.iter().any(|k| k.same_kind(&hypothesis))
+                {
+                    kept.push(hypothesis);
+                }
+            }
+            kept
+        })
+        .collect()
+}
+
+/// Hypotheses that one job keeps of a channel.
+const KEPT: usize = 6;
+
+fn try_all(
+    master: &Arc<Master>,
+    varies: &[usize],
+    free: Option<f64>,
+    sizes: &[usize],
+    choice: &Choice,
+    values: &[(usize, Curve, Vec<f64>)],
+    channels: &[Data],
+) -> Vec<(usize, f64, Hypothesis)> {
+    let nodes = &master.definition.nodes;
+    let both = sizes.len() < 3;
+    let per_dimension: Vec<Vec<Ramp>> =
+        varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both)).collect();
+    let mut combinations: Vec<Vec<Ramp>> = vec![vec![]];
+    for ramps in &per_dimension {
+        combinations = combinations
+            .iter()
+            .flat_map(|so_far| ramps.iter().map(move |r| [so_far.as_slice(), &[*r]].concat()))
+            .collect();
+    }
+    let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
+    for ramps in combinations {
+        for quantity in 0..master.definition.quantities().len() {
+            let mut hypothesis = Hypothesis {
+                master: Arc::clone(master),
+                quantity,
+                ramps: ramps.clone(),
+                varies: varies.to_vec(),
+                free,
+                encoding: Encoding::PLAIN,
+                residual: 0.0,
+            };
+            let predicted = hypothesis.predict(choice);
+            for (c, curve, values) in values {
+                let floor = MASTER_ERROR + channels[*c].rounding;
+                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor);
+                let list = &mut best[*c];
+                if list.len() < KEPT || list.last().is_none_or(|last| cost < last.0) {
+                    (hypothesis.encoding, hypothesis.residual) = (encoding, residual);
+                    let at = list.partition_point(|(known, _)| *known < cost);
+                    list.insert(at, (cost, hypothesis.clone()));
+                    list.truncate(KEPT);
+                }
+            }
+        }
+    }
+    best.into_iter().enumerate().flat_map(|(c, list)| list.into_iter().map(move |(cost, h)| (c, cost, h))).collect()
+}
+
+/// Steps of the fit at most.
+const STEPS: usize = 20;
+/// A texel's shift by which derivatives are taken, and the part of a stretch.
+const NUDGE: f64 = 0.02;
+
+/// The hypothesis with shifts, ranges and the free parameter fitted to the channel, and its cost.
+pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
+    let curve = start.encoding.curve;
+    let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
+    let floor = MASTER_ERROR + data.rounding;
+    // Any factor first, then a known one: either may be what leads to the right shift.
+    let known = KNOWN.contains(&(start.encoding.scale, start.encoding.offset));
+    let mut best = settle(start, &values, choice, floor);
+    for fixed in [Some((start.encoding.scale, start.encoding.offset)).filter(|_| known), None] {
+        let moved = descend(start, &values, choice, fixed);
+        let settled = settle(&moved, &values, choice, floor);
+        if settled.1 < best.1 {
+            best = settled;
+        }
+    }
+    best
+}
+
+/// The same hypothesis with the best encoding.
+pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
+    let predicted = hypothesis.predict(choice);
+    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor);
+    (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
+}
+
+fn moved(hypothesis: &Hypothesis, by: &[f64]) -> Hypothesis {
+    let mut moved = hypothesis.clone();
+    for (dimension, ramp) in moved.ramps.iter_mut().enumerate() {
+        let n = ramp.size as f64;
+        // The middle and the length: nearly independent of each other.
+        let middle = ramp.first + ramp.step * 0.5 * (n - 1.0) + by[2 * dimension] / n;
+        ramp.step = (ramp.step + by[2 * dimension + 1] / (n * n)).clamp(0.1 / n, 4.0 / n);
+        ramp.first = middle - ramp.step * 0.5 * (n - 1.0);
+    }
+    if let Some(free) = &mut moved.free {
+        let last = moved.master.definition.nodes[moved.master.definition.nodes.len() - 1];
+        let position = (last.position(*free) + by[by.len() - 1]).clamp(0.0, (last.size - 1) as f64);
+        *free = last.value_at_position(position);
+    }
+    moved
+}
+
+/// Levenberg and Marquardt's descent on the residuals with Huber's weights.
+fn descend(start: &Hypothesis, values: &[f64], choice: &Choice, fixed: Option<(f64, f64)>) -> Hypothesis {
+    let n = 2 * start.ramps.len() + usize::from(start.free.is_some());
+    let mut weights: Vec<f64> = values.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
+    let residuals = |h: &Hypothesis, weights: &[f64]| -> Vec<f64> {
+        let predicted = h.predict(choice);
+        let (a, b) = fixed.unwrap_or_else(|| affine(values, &predicted, weights));
+        values.iter().zip(&predicted).map(|(v, p)| if v.is_finite() { v - a * p - b } else { 0.0 }).collect()
+    };
+    let cost = |r: &[f64], w: &[f64]| r.iter().zip(w).map(|(r, w)| w * r * r).sum::<f64>();
+    let (mut here, mut damping) = (start.clone(), 1e-2);
+    for _ in 0..STEPS {
+        let r = residuals(&here, &weights);
+        let mut sizes: Vec<f64> = r.iter().map(|r| r.abs()).collect();
+        let middle = sizes.len() / 2;
+        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let knee = (2.0 * median).max(MASTER_ERROR);
+        for ((w, r), v) in weights.iter_mut().zip(&r).zip(values) {
+            *w = if !v.is_finite() { 0.0 } else { (knee / r.abs()).min(1.0) };
+        }
+        let now = cost(&r, &weights);
+        let columns: Vec<Vec<f64>> = (0..n)
+            .map(|k| {
+                let mut by = vec![0.0; n];
+                by[k] = NUDGE;
+                let up = residuals(&moved(&here, &by), &weights);
+                by[k] = -NUDGE;
+                let down = residuals(&moved(&here, &by), &weights);
+                up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * NUDGE)).collect()
+            })
+            .collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(&weights).map(|((a, b), w)| a * b * w).sum::<f64>();
+        let gradient: Vec<f64> = columns.iter().map(|column| dot(column, &r)).collect();
+        let hessian: Vec<Vec<f64>> = columns.iter().map(|a| columns.iter().map(|b| dot(a, b)).collect()).collect();
+        let mut better = false;
+        for _ in 0..6 {
+            let mut system = hessian.clone();
+            for (k, row) in system.iter_mut().enumerate() {
+                row[k] += damping * row[k].max(1e-12);
+            }
+            let step: Vec<f64> = solve(system, &gradient)
+                .into_iter()
+                .map(|s| if s.is_finite() { (-s).clamp(-2.0, 2.0) } else { 0.0 })
+                .collect();
+            let next = moved(&here, &step);
+            let then = cost(&residuals(&next, &weights), &weights);
+            if then < now {
+                better = step.iter().any(|s| s.abs() > 1e-4);
+                (here, damping) = (next, damping * 0.2);
+                break;
+            }
+            damping *= 8.0;
+        }
+        if !better {
+            break;
+        }
+    }
+    here
+}
+
+/// The solution of a small symmetric system, by elimination.
+fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
+    let n = b.len();
+    let mut x = b.to_vec();
+    for i in 0..n {
+        let pivot = a[i][i];
+        for j in i + 1..n {
+            let factor = a[j][i] / pivot;
+            for k in i..n {
+                a[j][k] -= factor * a[i][k];
+            }
+            x[j] -= factor * x[i];
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|k| a[i][k] * x[k]).sum();
+        x[i] = (x[i] - known) / a[i][i];
+    }
+    x
+}
+
+/// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
+const SIMPLE_IS_AS_GOOD: f64 = 1.15;
+
+/// The hypothesis with its texels at the simplest places that fit about as well as the fitted ones.
+pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
+    let values: Vec<f64> = data.at(choice).into_iter().map(|v| fitted.encoding.curve.undo(v)).collect();
+    let floor = MASTER_ERROR + data.rounding;
+    let near = |ramp: &Ramp| -> Vec<Option<Place>> {
+        let close = |place: &Place| {
+            let (first, step) = place.of(ramp.size);
+            let n = ramp.size as f64;
+            let last = |f: f64, s: f64| f + s * (n - 1.0);
+            // Farther than two texels from what was fitted at either end is not what was fitted.
+            (first - ramp.first).abs() < 2.0 / n && (last(first, step) - last(ramp.first, ramp.step)).abs() < 2.0 / n
+        };
+        let range_is_free = ramp.parameter.range().is_none() && ramp.warp != crate::math::warp::Warp::F0FourthRoot;
+        let places = Place::ALL.into_iter().filter(close).map(Some);
+        if range_is_free { places.take(2).chain([None]).collect() } else { places.chain([None]).collect() }
+    };
+    let mut combinations: Vec<(usize, Vec<Ramp>)> = vec![(0, vec![])];
+    for ramp in &fitted.ramps {
+        combinations = combinations
+            .iter()
+            .flat_map(|(rank, so_far)| {
+                near(ramp).into_iter().map(move |place| {
+                    let placed = place.map_or(*ramp, |place| ramp.placed(place));
+                    let own = match place {
+                        None => 100, // only if nothing simple will do
+                        Some(place) => Place::ALL.iter().position(|p| *p == place).unwrap_or(0),
+                    };
+                    (rank + own, [so_far.as_slice(), &[placed]].concat())
+                })
+            })
+            .collect();
+    }
+    let mut tried: Vec<(usize, Hypothesis, f64)> = combinations
+        .into_iter()
+        .map(|(rank, ramps)| {
+            let (settled, cost) = settle(&Hypothesis { ramps, ..fitted.clone() }, &values, choice, floor);
+            (rank, settled, cost)
+        })
+        .collect();
+    let best = tried.iter().map(|t| t.2).fold(f64::INFINITY, f64::min);
+    tried.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)));
+    let simplest = tried.into_iter().find(|(_, _, cost)| *cost <= SIMPLE_IS_AS_GOOD * best);
+    simplest.map_or_else(|| (fitted.clone(), best), |(_, hypothesis, cost)| (hypothesis, cost))
+}
