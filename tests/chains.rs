@@ -382,3 +382,36 @@ fn fitted_chains_verify_and_do_not_depend_on_threads() {
     let info = succeed(folder, &["info", "1/specular.ktx2"]).stdout;
     assert!(info.contains("not measured (a picture of boxes)") && info.contains("fitted; exact texels"), "{info}");
 }
+
+/// Tables take the same fit: better through the filter, by its own certificate, and told from a table that is not what it says.
+#[test]
+fn a_fitted_table_is_closer_through_the_filter_and_verifies() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let axes = "mu:16:log+0.01:edge,roughness:12:log+0.05";
+    let run =
+        succeed(folder, &["table", "dfg", "--axes", axes, "--fit", "lookup", "--format", "exr:f32", "-o", "dfg.exr", "--json"]);
+    let certificate: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    for fit in certificate["fit"].as_array().unwrap() {
+        assert_eq!(fit["kept"], true, "{fit}");
+        let [exact, fitted] = ["exact", "fitted"].map(|kind| fit[kind]["rms"].as_f64().unwrap());
+        assert!(fitted < 0.8 * exact, "{fit}");
+    }
+    let verified = succeed(folder, &["verify", "dfg.exr"]).stdout;
+    assert!(verified.contains("fitted again, every texel"), "{verified}");
+    // The exact table under the fitted one's certificate.
+    succeed(folder, &["table", "dfg", "--axes", axes, "--format", "exr:f32", "-o", "exact.exr"]);
+    let Decoded::Picture(mut image, _) = read(&folder.join("exact.exr")).unwrap() else { panic!("a picture") };
+    image.metadata = vec![("kiln.certificate".to_owned(), certificate.to_string())];
+    let wide = kiln::format::Image {
+        texels: image.texels.iter().map(|&v| f64::from(v)).collect(),
+        width: image.width,
+        height: image.height,
+        channels: image.channels.clone(),
+        metadata: image.metadata.clone(),
+        primaries: None,
+    };
+    std::fs::write(folder.join("dfg.exr"), kiln::format::exr::encode(&wide, kiln::pack::Number::F32).unwrap().0).unwrap();
+    let told = fail(folder, &["verify", "dfg.exr"], 3);
+    assert!(told.contains("error: "), "{told}");
+}
