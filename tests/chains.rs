@@ -389,8 +389,10 @@ fn a_fitted_table_is_closer_through_the_filter_and_verifies() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let axes = "mu:16:log+0.01:edge,roughness:12:log+0.05";
-    let run =
-        succeed(folder, &["table", "dfg", "--axes", axes, "--fit", "lookup", "--format", "exr:f32", "-o", "dfg.exr", "--json"]);
+    let run = succeed(
+        folder,
+        &["table", "dfg", "--axes", axes, "--fit", "lookup", "--format", "exr:f32", "-o", "dfg.exr", "--json"],
+    );
     let certificate: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
     for fit in certificate["fit"].as_array().unwrap() {
         assert_eq!(fit["kept"], true, "{fit}");
@@ -411,7 +413,8 @@ fn a_fitted_table_is_closer_through_the_filter_and_verifies() {
         metadata: image.metadata.clone(),
         primaries: None,
     };
-    std::fs::write(folder.join("dfg.exr"), kiln::format::exr::encode(&wide, kiln::pack::Number::F32).unwrap().0).unwrap();
+    std::fs::write(folder.join("dfg.exr"), kiln::format::exr::encode(&wide, kiln::pack::Number::F32).unwrap().0)
+        .unwrap();
     let told = fail(folder, &["verify", "dfg.exr"], 3);
     assert!(told.contains("error: "), "{told}");
 }

@@ -150,12 +150,12 @@ pub struct Probe {
 const STRATA: usize = 40;
 
 impl Probe {
-    /// One point in each of 9600 parts of the sphere, and a close look at the brightest texels, which is where blending does worst.
+    /// One point in each of 9600 parts of the sphere, and a close look where the cube bends most, which is where blending does worst.
     ///
     /// `mean` is the panorama's, `cube` a level that holds the function, `seed` moves the points within their parts.
     pub fn new(function: &Function, cube: &Cube, mean: [f64; 3], seed: u64) -> Self {
         let (mut directions, mut weights) = points(seed);
-        let close = around_brightest(cube);
+        let close = around_bends(cube, mean);
         weights.resize(weights.len() + close.len(), 0.0);
         directions.extend(close);
         let truth = function.values(&directions);
@@ -214,26 +214,40 @@ fn points(seed: u64) -> (Vec<DVec3>, Vec<f64>) {
     (directions, weights)
 }
 
-/// Points in the cells around the brightest texel of each channel, four by four to a cell.
-fn around_brightest(cube: &Cube) -> Vec<DVec3> {
-    const REACH: i32 = 6;
-    let mut brightest: Vec<usize> = (0..3)
-        .map(|c| {
-            let brighter = |a: &usize, b: &usize| {
-                cube.texels[*a][c].total_cmp(&cube.texels[*b][c]).then(b.cmp(a)) // the first of equals
-            };
-            (0..cube.texels.len()).max_by(brighter).unwrap_or(0)
-        })
-        .collect();
-    brightest.sort_unstable();
-    brightest.dedup();
-    let step = 0.25 * 2.0 / cube.size as f64;
+/// Texels that are looked at closely.
+const CLOSE: usize = 48;
+
+/// Points around the texels where the cube bends most, and blending does worst: at the centre, which fitting moves, and half a texel
+/// away in either direction, where exact texels are furthest off.
+fn around_bends(cube: &Cube, mean: [f64; 3]) -> Vec<DVec3> {
+    let (size, area) = (cube.size, cube.size * cube.size);
+    // h² f″ along either axis, in parts of the value.
+    let bend = |i: usize| {
+        let (face, row, column) = (i / area, (i / size % size) as isize, (i % size) as isize);
+        let value = |column: isize, row: isize| cube.texels[texel(size, face, column, row).unwrap_or(i)];
+        let pairs =
+            [(value(column - 1, row), value(column + 1, row)), (value(column, row - 1), value(column, row + 1))];
+        let mut largest = 0.0_f64;
+        for c in 0..3 {
+            let middle = f64::from(cube.texels[i][c]);
+            let scale = middle.abs().max(DARK_FLOOR * mean[c].abs()).max(f64::MIN_POSITIVE);
+            for (a, b) in &pairs {
+                largest = largest.max((f64::from(a[c]) + f64::from(b[c]) - 2.0 * middle).abs() / scale);
+            }
+        }
+        largest
+    };
+    let mut bends: Vec<(f64, usize)> = (0..cube.texels.len()).into_par_iter().map(|i| (bend(i), i)).collect();
+    let n = CLOSE.min(bends.len());
+    bends.select_nth_unstable_by(n - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut chosen: Vec<usize> = bends[..n].iter().map(|bend| bend.1).collect();
+    chosen.sort_unstable();
+    let half = 1.0 / size as f64;
     let mut directions = vec![];
-    for texel in brightest {
-        let (face, u, v) = locate(texel_direction(cube.size, texel));
-        for (i, j) in (-REACH..=REACH).flat_map(|j| (-REACH..=REACH).map(move |i| (i, j))) {
-            // Beyond an edge the point is on the face next to it, a little nearer than on its own: it is as good as any.
-            directions.push(face_point(face, u + step * f64::from(i), v + step * f64::from(j)).normalize());
+    for texel in chosen {
+        let (face, u, v) = locate(texel_direction(size, texel));
+        for (i, j) in [-1.0, 0.0, 1.0].into_iter().flat_map(|j| [-1.0, 0.0, 1.0].map(|i| (i, j))) {
+            directions.push(face_point(face, u + half * i, v + half * j).normalize());
         }
     }
     directions
