@@ -8,6 +8,7 @@ mod harness;
 
 use glam::DVec3;
 use harness::Case;
+use kiln::bake;
 use kiln::integrate::monte_carlo::{Points, Stop};
 use kiln::integrate::{Integration, Integrator, Settings};
 use kiln::math::frame::direction_with_cosine;
@@ -16,11 +17,12 @@ use kiln::model::Lobe;
 use kiln::model::charlie::Visibility;
 use kiln::model::fresnel::schlick_weight;
 use kiln::model::ggx::{Ggx, Smith};
+use kiln::recipe::TableRecipe;
 use kiln::table::named::{NamedTable, TABLES};
 use kiln::table::{Axis, Model, Parameter, Point, TableSpec, quantity};
 use std::hint::black_box;
 
-fn bake(channels: &[&str], axes: Vec<Axis>, at: Point, model: Model, settings: Settings) {
+fn integrate(channels: &[&str], axes: Vec<Axis>, at: Point, model: Model, settings: Settings) {
     let channels = channels.iter().map(|name| quantity::find(name).expect("a quantity")).collect();
     let spec = TableSpec { channels, axes, at, model };
     let integration = Integration::new(settings).expect("valid settings");
@@ -29,13 +31,23 @@ fn bake(channels: &[&str], axes: Vec<Axis>, at: Point, model: Model, settings: S
 
 fn dfg(size: usize, settings: Settings) {
     let axes = vec![Axis::new(Parameter::Mu, size), Axis::new(Parameter::Roughness, size)];
-    bake(&["ggx.scale", "ggx.bias"], axes, Point::default(), Model::default(), settings);
+    integrate(&["ggx.scale", "ggx.bias"], axes, Point::default(), Model::default(), settings);
 }
 
 /// A named table as `kiln table NAME` bakes it.
 fn named(table: &NamedTable, model: Model) {
     let (axes, at) = (table.default_axes().expect("axes"), table.default_point().expect("values"));
-    bake(table.channels, axes, at, model, Settings::default());
+    integrate(table.channels, axes, at, model, Settings::default());
+}
+
+/// The same with its rounding, its checks and its lookup error, in half floats: all of a bake but the second witness and the file.
+fn checked(table: &NamedTable) {
+    let channels = if table.channels.len() == 3 { 4 } else { table.channels.len().min(4) };
+    let format = ["ktx2:r16f", "ktx2:rg16f", "", "ktx2:rgba16f"][channels - 1];
+    // Five channels are more than a texture has.
+    let format = if table.channels.len() > 4 { "exr:f16" } else { format };
+    let recipe = TableRecipe::named(table.name, format.parse().expect("a format")).expect("a name");
+    black_box(bake::table_by_one_witness(&recipe, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name)));
 }
 
 /// Reflectance and transmittance of a rough dielectric at the centres of 16³ texels: mu, alpha, and eta over an interval.
@@ -43,7 +55,7 @@ fn dielectric_pair(smith: Smith, range: (f64, f64)) {
     let eta = Axis { range: Some(range), ..Axis::new(Parameter::Eta, 16) };
     let axes = vec![Axis::new(Parameter::Mu, 16), Axis::new(Parameter::Alpha, 16), eta];
     let channels = ["dielectric.reflectance", "dielectric.transmittance"];
-    bake(&channels, axes, Point::default(), Model { smith, ..Model::default() }, Settings::default());
+    integrate(&channels, axes, Point::default(), Model { smith, ..Model::default() }, Settings::default());
 }
 
 fn quadrature(tolerance: f64) -> Settings {
@@ -111,6 +123,14 @@ fn main() {
     for table in TABLES {
         cases.push(case(format!("table {}", table.name), || named(table, Model::default())));
     }
+    for table in TABLES {
+        cases.push(case(format!("checked table {}", table.name), || checked(table)));
+    }
+    // All but the table that only Monte Carlo integrates.
+    let deterministic = || TABLES.iter().filter(|table| table.name != "ggx-albedo-anisotropic");
+    cases.push(case("the full default set with its checks, without the second witness", move || {
+        deterministic().for_each(checked);
+    }));
     cases.push(case("every named table", || TABLES.iter().for_each(|table| named(table, Model::default()))));
     let sheen = TABLES.iter().find(|table| table.name == "charlie-albedo").expect("a table");
     for visibility in Visibility::ALL {

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --example assert_a_table` makes a table as an engine might have it, then judges it, then breaks it and shows the message.
 
-use kiln::format::ktx2::{self, Texture};
+use kiln::format::{Texture, ktx2};
 use kiln::integrate::{Integration, Settings};
 use kiln::pack::{Number, TexelFormat};
 use kiln::table::{Axis, Model, Parameter, Point, TableSpec, quantity};

@@ -3,15 +3,17 @@
 //! Pure: nothing here touches a disk. Files are written by [`Baked::write`], all or none.
 
 mod environment;
+mod shader;
 mod table;
 
 pub use environment::{
-    DEFAULT_SAMPLES, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels, is_current,
-    source,
+    DEFAULT_SAMPLES, EngineSh, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels,
+    is_current, source,
 };
 pub(crate) use environment::{IRRADIANCE, precision};
-pub use table::table;
+pub use shader::{combined_shader, shader_of};
 pub(crate) use table::values as table_values;
+pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};
 use crate::error::{Error, Result};
@@ -65,7 +67,13 @@ fn refuse_failures(certificate: &Certificate) -> Result<()> {
 
 /// Digest of texels as a reader sees them: f32, little-endian, in the order of the recipe's channels.
 pub(crate) fn texel_digest<'a>(levels: impl IntoIterator<Item = &'a [f32]>) -> String {
-    let bytes: Vec<Vec<u8>> =
-        levels.into_iter().map(|level| level.iter().flat_map(|v| v.to_le_bytes()).collect()).collect();
-    certificate::digest(bytes.iter().map(Vec::as_slice))
+    const TOGETHER: usize = 4096;
+    let mut digest = certificate::Digest::default();
+    let mut bytes = [[0; 4]; TOGETHER];
+    for values in levels.into_iter().flat_map(|level| level.chunks(TOGETHER)) {
+        let bytes = &mut bytes[..values.len()];
+        bytes.iter_mut().zip(values).for_each(|(bytes, value)| *bytes = value.to_le_bytes());
+        digest.add(bytes.as_flattened());
+    }
+    digest.finish()
 }

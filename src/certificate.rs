@@ -184,6 +184,9 @@ pub struct ShFits {
     pub projected: IrradianceFit,
     /// What is negative nowhere.
     pub nonnegative: IrradianceFit,
+    /// The projection of all bands, where more than three were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<IrradianceFit>,
 }
 
 /// The panorama behind an environment.
@@ -306,9 +309,21 @@ pub fn beside(file: &Path) -> PathBuf {
 
 /// BLAKE3 of `bytes`, in hexadecimal.
 pub fn digest<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for part in parts {
-        hasher.update(part);
+    let mut digest = Digest::default();
+    parts.into_iter().for_each(|part| digest.add(part));
+    digest.finish()
+}
+
+/// A [`digest`] under way.
+#[derive(Default)]
+pub(crate) struct Digest(blake3::Hasher);
+
+impl Digest {
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
     }
-    hasher.finalize().to_hex().to_string()
+
+    pub(crate) fn finish(&self) -> String {
+        self.0.finalize().to_hex().to_string()
+    }
 }

@@ -7,7 +7,7 @@ mod precision;
 mod table;
 
 pub use environment::{CubeLevel, EnvironmentValues};
-pub use precision::Precision;
+pub use precision::{MOST_BLOCK_ERROR, Precision};
 pub use table::TableValues;
 
 use serde::{Deserialize, Serialize};

@@ -4,14 +4,15 @@
 //!
 //! | floor | modules |
 //! | --- | --- |
-//! | ground | [`math`] (points, rules, frames, warps), [`colour`] (primaries), [`pack`] (texel formats), [`error`] |
+//! | ground | [`math`] (points, rules, frames, warps), [`colour`] (primaries), [`pack`] (texel formats), [`language`] (of shaders), [`error`] |
 //! | 1 | [`model`] (lobes and Fresnel), [`material`] (reflectances by name), [`mod@format`] (containers) |
 //! | 2 | [`integrate`] (estimates, both witnesses), [`environment`] (panoramas, cubes, filters) |
 //! | 3 | [`table`] (quantities, axes, tables) |
 //! | 4 | [`recipe`] (what to bake) |
-//! | 5 | [`check`], [`certificate`] (facts about a file), [`claim`] (what a file is said to hold) |
-//! | 6 | [`bake`], [`identify`], [`compare`], [`verify`] |
-//! | 7 | [`report`] (previews) |
+//! | 5 | [`engine`] (what each engine reads); [`check`], [`certificate`] (facts about a file), [`claim`] (what a file is said to hold) |
+//! | 6 | [`shader`] (code that looks up what was baked) |
+//! | 7 | [`bake`], [`identify`], [`compare`], [`verify`], [`convert`] |
+//! | 8 | [`report`] (previews) |
 //!
 //! # Units
 //!
@@ -50,17 +51,21 @@ pub mod check;
 pub mod claim;
 pub mod colour;
 pub mod compare;
+pub mod convert;
+pub mod engine;
 pub mod environment;
 pub mod error;
 pub mod format;
 pub mod identify;
 pub mod integrate;
+pub mod language;
 pub mod material;
 pub mod math;
 pub mod model;
 pub mod pack;
 pub mod recipe;
 pub mod report;
+pub mod shader;
 pub mod table;
 pub mod verify;
 

@@ -4,10 +4,15 @@
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
 use crate::colour::TargetColour;
-use crate::environment::{Adjustment, ChainSpec, InputLayout, Negatives, NonFinite, Reading};
+use crate::environment::chain::{LEAST_SHEEN, check_kernel, check_view};
+use crate::environment::sh_bands::MOST_BANDS;
+use crate::environment::{
+    Adjustment, ChainSpec, InputLayout, KernelKind, Negatives, NonFinite, Orientation, Reading, ShConvention, View,
+};
 use crate::error::{Error, Result};
-use crate::format::{FormatSpec, Packing};
+use crate::format::{Container, FormatSpec, Packing};
 use crate::integrate::Settings;
+use crate::language::Language;
 use crate::math::fit::Fit;
 use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
@@ -26,6 +31,9 @@ pub const BUILT_IN: &str = include_str!("built_in_recipe.toml");
 pub struct Recipe {
     /// [`RECIPE_VERSION`].
     pub recipe: u32,
+    /// Languages in which `lookup.glsl` and so on, the code that looks up all of it, is written.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shader: Vec<Language>,
     /// Tables, in the order in which they are baked.
     #[serde(default, rename = "table")]
     pub tables: Vec<TableRecipe>,
@@ -87,12 +95,39 @@ pub struct EnvironmentRecipe {
     /// Roughness of each level; each is half the size of the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness: Option<Vec<f64>>,
+    /// What the specular levels weigh directions by.
+    #[serde(default)]
+    pub kernel: KernelKind,
+    /// How the surface is seen, if not as N = V = R.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<View>,
     /// Texels along an edge of the irradiance cube.
     #[serde(default = "default_irradiance_size")]
     pub irradiance_size: usize,
+    /// Bands of spherical harmonics: 3 for nine coefficients, or up to [`MOST_BANDS`].
+    #[serde(default = "default_sh_bands")]
+    pub sh_bands: usize,
     /// Container and texel format of the cubes.
     #[serde(default = "default_cube_format")]
     pub format: FormatSpec,
+    /// How diffuse light is written.
+    #[serde(default)]
+    pub irradiance: IrradianceKind,
+    /// Container and texel format of the irradiance cube, where it is not that of the specular one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub irradiance_format: Option<FormatSpec>,
+    /// Which way the cubes are turned: the world's direction in terms of the vector that the shader looks up.
+    #[serde(default)]
+    pub orientation: Orientation,
+    /// Whose nine coefficients `sh.json` has beside Kiln's own.
+    #[serde(default)]
+    pub sh: ShConvention,
+    /// File of the specular cube, within `directory`; `specular` and the format's extension unless told otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub specular_file: Option<String>,
+    /// File of the irradiance cube.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub irradiance_file: Option<String>,
     /// What becomes of NaN and infinities.
     #[serde(default)]
     pub nonfinite: NonFinite,
@@ -110,6 +145,33 @@ pub struct EnvironmentRecipe {
     pub integration: Settings,
 }
 
+/// How diffuse light is written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum IrradianceKind {
+    /// As a cube of E/π.
+    #[default]
+    Cube,
+    /// As nine coefficients: in `sh.json`, and where the container has a place for them.
+    Sh,
+    /// As the last specular level, whose roughness is 1: E/π itself.
+    LastLevel,
+    /// Not at all.
+    None,
+}
+
+impl IrradianceKind {
+    /// The word that recipes use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cube => "cube",
+            Self::Sh => "sh",
+            Self::LastLevel => "last-level",
+            Self::None => "none",
+        }
+    }
+}
+
 fn default_size() -> usize {
     256
 }
@@ -120,6 +182,10 @@ fn default_min_size() -> usize {
 
 fn default_irradiance_size() -> usize {
     32
+}
+
+fn default_sh_bands() -> usize {
+    3
 }
 
 fn default_cube_format() -> FormatSpec {
@@ -159,7 +225,10 @@ impl Recipe {
             .map_err(|e| Error::unsupported(format!("a recipe that TOML cannot hold: {e}"), "report this as a bug"))
     }
 
-    fn check(&self) -> Result<()> {
+    /// Whether everything in it can be baked.
+    ///
+    /// **Errors**: nothing to bake, entries that cannot be baked, two that write the same file.
+    pub fn check(&self) -> Result<()> {
         if self.tables.is_empty() && self.environments.is_empty() {
             return Err(Error::usage(
                 "a recipe that lists nothing to bake",
@@ -274,8 +343,17 @@ impl EnvironmentRecipe {
             size: default_size(),
             min_size: default_min_size(),
             roughness: None,
+            kernel: KernelKind::default(),
+            view: None,
             irradiance_size: default_irradiance_size(),
+            sh_bands: default_sh_bands(),
             format: default_cube_format(),
+            irradiance: IrradianceKind::default(),
+            irradiance_format: None,
+            orientation: Orientation::default(),
+            sh: ShConvention::default(),
+            specular_file: None,
+            irradiance_file: None,
             nonfinite: NonFinite::default(),
             negatives: Negatives::default(),
             fit: Fit::default(),
@@ -284,17 +362,68 @@ impl EnvironmentRecipe {
         }
     }
 
-    /// The roughness of every level: the given ones, or m/(levels − 1) for the levels from `size` down to `min_size`.
+    /// The roughness of every level: the given ones, or m/(levels − 1) for the levels from `size` down to `min_size`; a sheen, which is no
+    /// mirror at 0, starts at [`LEAST_SHEEN`].
     pub fn level_roughness(&self) -> Vec<f64> {
         if let Some(roughness) = &self.roughness {
             return roughness.clone();
         }
-        ChainSpec::new(self.size, self.min_size).roughness
+        let mut roughness = ChainSpec::new(self.size, self.min_size).roughness;
+        if self.kernel == KernelKind::Charlie {
+            roughness[0] = LEAST_SHEEN;
+        }
+        roughness
+    }
+
+    /// Container and texel format of the irradiance cube. Babylon.js' environments are whole chains: irradiance, which is one level, is the
+    /// same texels in a KTX2.
+    pub fn format_of_irradiance(&self) -> FormatSpec {
+        match (self.irradiance_format, self.format.packing()) {
+            (Some(own), _) => own,
+            (None, Packing::Texel(texel)) if self.format.container() == Container::Env => FormatSpec::ktx2(texel),
+            (None, _) => self.format,
+        }
+    }
+
+    /// How the texels of the specular cube are stored.
+    ///
+    /// **Errors**: those of [`cube_texel`].
+    pub fn cube_format(&self) -> Result<TexelFormat> {
+        cube_texel(self.format)
+    }
+
+    /// Name of the specular cube's file.
+    pub fn specular_name(&self) -> String {
+        self.specular_file.clone().unwrap_or_else(|| format!("specular.{}", self.format.extension()))
+    }
+
+    /// Name of the irradiance cube's file, if there is one.
+    pub fn irradiance_name(&self) -> Option<String> {
+        let name = || format!("irradiance.{}", self.format_of_irradiance().extension());
+        (self.irradiance == IrradianceKind::Cube).then(|| self.irradiance_file.clone().unwrap_or_else(name))
     }
 
     /// How the input is read.
     pub fn reading(&self) -> Reading {
         Reading { layout: self.input_layout, nonfinite: self.nonfinite, negatives: self.negatives, to: self.to }
+    }
+
+    /// Files of an environment lie beside its certificate, each under its own name.
+    fn check_names(&self) -> Result<()> {
+        let mut names = vec![self.specular_name()];
+        names.extend(self.irradiance_name());
+        for (i, name) in names.iter().enumerate() {
+            check_inside(name)?;
+            let taken =
+                ["sh.json", "sun.json", "certificate.json"].contains(&name.as_str()) || names[..i].contains(name);
+            if taken || name.is_empty() || name.contains(['/', '\\']) {
+                return Err(Error::usage(
+                    format!("{name:?} is no name for a cube's file"),
+                    "give each cube a name of its own, such as specular.ktx2, and folders by `directory`",
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Whether the environment can be baked.
@@ -303,6 +432,16 @@ impl EnvironmentRecipe {
     pub fn check(&self) -> Result<()> {
         self.integration.check()?;
         self.adjust.check()?;
+        if !(3..=MOST_BANDS).contains(&self.sh_bands) {
+            return Err(Error::usage(
+                format!("{} bands of spherical harmonics are not in 3..={MOST_BANDS}", self.sh_bands),
+                "use something like --sh-bands 5, or leave it out for three",
+            ));
+        }
+        if let Some(view) = self.view {
+            check_view(view, self.kernel, self.integration.integrator)?;
+        }
+        self.check_names()?;
         for (name, size) in
             [("size", self.size), ("min-size", self.min_size), ("irradiance-size", self.irradiance_size)]
         {
@@ -329,6 +468,7 @@ impl EnvironmentRecipe {
                     "give one per level, such as --roughness 0,0.5,1",
                 ));
             }
+            check_kernel(self.kernel, roughness)?;
             let most = self.size.ilog2() as usize + 1;
             if roughness.len() > most {
                 return Err(Error::usage(
@@ -341,19 +481,20 @@ impl EnvironmentRecipe {
                 ));
             }
         }
-        self.cube_format().map(|_| ())
+        cube_texel(self.format)?;
+        cube_texel(self.format_of_irradiance()).map(|_| ())
     }
+}
 
-    /// How the cubes' texels are stored.
-    ///
-    /// **Errors**: a container without cubes, a texel without three channels.
-    pub fn cube_format(&self) -> Result<TexelFormat> {
-        match self.format.packing() {
-            Packing::Texel(format) if self.format.container().has_cubes() && format.channels() >= 3 => Ok(format),
-            _ => Err(Error::usage(
-                format!("a cube of colours does not fit {}", self.format),
-                "use --format ktx2:rgba16f, ktx2:rgba32f, or another of ktx2, ktx1, dds with three channels or more",
-            )),
-        }
+/// How the texels of a cube of that format are stored.
+///
+/// **Errors**: a container without cubes, a texel without three channels.
+pub fn cube_texel(format: FormatSpec) -> Result<TexelFormat> {
+    match format.packing() {
+        Packing::Texel(texel) if format.container().has_cubes() && texel.channels() >= 3 => Ok(texel),
+        _ => Err(Error::usage(
+            format!("a cube of colours does not fit {format}"),
+            "use --format ktx2:rgba16f, ktx2:rgba32f, or another of ktx2, ktx1, dds with three channels or more",
+        )),
     }
 }

@@ -20,7 +20,7 @@ use crate::check::Check;
 use crate::claim::{Claim, Said};
 use crate::error::{Error, Result};
 use crate::format::grid::Described;
-use crate::format::{FileKind, Grid, Image, Texture, exr, ktx2};
+use crate::format::{Array, Decoded, FileKind, Grid, Image, Texture, decode};
 use crate::identify;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -66,26 +66,31 @@ impl Report {
 enum Content {
     Picture(Image),
     Texture(Texture),
+    Array(Array),
+    /// Bytes that do not say what they are: raw texels.
+    Raw(Vec<u8>),
     Json(serde_json::Value),
 }
 
 impl Content {
     fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+        let is_json = path.extension().is_some_and(|e| e == "json");
         let content = match FileKind::of(&bytes) {
-            FileKind::Exr => exr::decode(&bytes).map(Self::Picture),
-            FileKind::Ktx2 => ktx2::decode(&bytes).map(Self::Texture),
             FileKind::Empty => Err(Error::invalid("an empty file", "bake it again")),
-            _ if path.extension().is_some_and(|e| e == "json") => serde_json::from_slice(&bytes)
+            FileKind::Other(_) if is_json => serde_json::from_slice(&bytes)
                 .map(Self::Json)
                 .map_err(|e| Error::invalid(format!("broken JSON: {e}"), "bake it again")),
-            FileKind::Hdr => {
-                Err(Error::unsupported("a panorama, which claims nothing", "verify what was baked from it"))
-            }
-            kind => Err(Error::unsupported(
-                format!("{}, which Kiln does not verify", kind.text()),
-                "give an .exr, .ktx2 or sh.json",
+            FileKind::Other(_) if certificate::beside(path).exists() => Ok(Self::Raw(bytes)),
+            FileKind::Other(kind) => Err(Error::unsupported(
+                format!("{kind}, which Kiln does not verify"),
+                "give a file that Kiln baked, with its certificate",
             )),
+            _ => decode(&bytes).map(|decoded| match decoded {
+                Decoded::Picture(image, _) => Self::Picture(image),
+                Decoded::Texture(texture) => Self::Texture(texture),
+                Decoded::Array(array) => Self::Array(array),
+            }),
         };
         content.map_err(|e| e.in_file(path))
     }
@@ -94,15 +99,17 @@ impl Content {
         match self {
             Self::Picture(image) => image.metadata(certificate::KEY),
             Self::Texture(texture) => texture.metadata(certificate::KEY),
-            Self::Json(_) => None,
+            Self::Array(array) => array.metadata(certificate::KEY),
+            Self::Raw(_) | Self::Json(_) => None,
         }
     }
 
     /// Whether it has the shape of a table; cubes and coefficients have not.
     fn may_be_a_table(&self) -> bool {
         match self {
-            Self::Picture(_) => true,
+            Self::Picture(_) | Self::Array(_) => true,
             Self::Texture(texture) => texture.faces == 1,
+            Self::Raw(_) => false,
             // Spherical harmonics and the like say what they are.
             Self::Json(value) => value.get("schema").is_none(),
         }

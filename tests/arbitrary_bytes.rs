@@ -9,7 +9,9 @@ mod support;
 
 use kiln::certificate::Certificate;
 use kiln::environment::{InputLayout, Negatives, NonFinite, Reading, load};
-use kiln::format::{Image, decode_image, exr, hdr, ktx2};
+use kiln::format::{
+    self, Container, FormatSpec, Image, Texture, dds, decode_image, env, exr, hdr, ktx1, ktx2, npy, png, source,
+};
 use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::{EnvironmentRecipe, Recipe};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,6 +30,7 @@ fn sample(kind: &str, random: &mut Random) -> Vec<u8> {
             image.primaries = [None, Some(kiln::colour::Primaries::ACESCG)][random.below(2)];
             exr::encode(&image, [Number::F16, Number::F32][random.below(2)]).unwrap().0
         }
+        "ktx1" | "dds" | "png" | "env" | "npy" | "source" | "zstd" => container_sample(kind, random),
         "ktx2" => ktx2::encode(&cube(TexelFormat::ALL[random.below(22)], 1 << random.below(4))).unwrap(),
         _ => match random.below(3) {
             0 => hdr_sample(),
@@ -38,6 +41,39 @@ fn sample(kind: &str, random: &mut Random) -> Vec<u8> {
             }
         },
     }
+}
+
+/// A small file of one of the other containers, in a random one of its formats.
+fn container_sample(kind: &str, random: &mut Random) -> Vec<u8> {
+    let containers: &[Container] = match kind {
+        "ktx1" => &[Container::Ktx1],
+        "dds" => &[Container::Dds],
+        "png" => &[Container::Png],
+        "env" => &[Container::Env],
+        "npy" => &[Container::Npy],
+        "zstd" => &[Container::Ktx2],
+        _ => &[Container::C, Container::Rust, Container::Glsl, Container::Wgsl, Container::Js],
+    };
+    let container = containers[random.below(containers.len())];
+    let specs: Vec<FormatSpec> = FormatSpec::all()
+        .into_iter()
+        .filter(|spec| spec.container() == container && (kind != "zstd" || spec.to_string().ends_with("+zstd")))
+        .collect();
+    let spec = specs[random.below(specs.len())];
+    let format = spec.texel(3).unwrap_or_else(|_| spec.texel(1).unwrap());
+    let mut texture = match container.has_cubes() && (kind == "env" || random.below(2) == 0) {
+        true => Texture::empty_cube(format, 4),
+        false => Texture::empty(format, 1 + random.below(9), 1 + random.below(9)),
+    };
+    for level in 0..if texture.faces == 6 { 3 } else { 1 } {
+        let [width, height] = texture.level_size(level);
+        let values = vec![0.5; width * height * texture.faces * format.channels()];
+        texture.push_level(&values).unwrap();
+    }
+    if !matches!(kind, "dds" | "npy") {
+        texture.metadata = vec![("kiln.recipe".into(), "{\"µ\":1}".into())];
+    }
+    format::encode(spec, &texture).unwrap()
 }
 
 /// Random bytes, or a valid file that was cut, flipped, spliced or lied in.
@@ -114,6 +150,22 @@ fn every_reader_answers_or_refuses_arbitrary_bytes() {
             answers("ktx2", round, || ktx2::decode(&bytes));
             answers("any", round, || decode_image(&bytes));
         }
+    }
+    for kind in ["ktx1", "dds", "png", "env", "npy", "source", "zstd"] {
+        let mut read = 0;
+        for round in 0..1200 {
+            let valid = container_sample(kind, &mut random);
+            let bytes = if round % 20 == 0 { valid } else { arbitrary(&valid, &mut random) };
+            read += usize::from(answers("any", round, || format::decode(&bytes)));
+            answers("ktx1", round, || ktx1::decode(&bytes));
+            answers("dds", round, || dds::decode(&bytes));
+            answers("png", round, || png::decode(&bytes));
+            answers("env", round, || env::decode(&bytes));
+            answers("npy", round, || npy::decode(&bytes));
+            answers("source", round, || source::decode(&bytes));
+            answers("ktx2", round, || ktx2::decode(&bytes));
+        }
+        assert!(read >= 60, "{kind}: only {read} of 1200 files were read");
     }
     assert_little_memory();
 }

@@ -504,6 +504,46 @@ fn bad_requests_fail_with_usage_and_leave_nothing() {
 }
 
 #[test]
+fn a_tolerance_out_of_reach_stops_with_the_place_the_best_value_and_its_error() {
+    let folder = folder();
+    for arguments in [
+        &["eval", "ggx.scale", "--mu", "0.5", "--alpha", "0.25", "--tolerance", "1e-20"][..],
+        &["table", "dfg", "--size", "4", "-o", "x.exr", "--tolerance", "1e-20"],
+        &["table", "charlie-albedo", "--size", "4", "-o", "x.ktx2", "--tolerance", "1e-20"],
+        &["table", "dielectric-avg", "--size", "2", "-o", "x.ktx2", "--tolerance", "1e-20"],
+    ] {
+        let text = fail(folder.path(), arguments, 1);
+        assert!(text.contains("did not reach tolerance 1e-20: the best value is "), "{arguments:?}: {text}");
+        assert!(text.contains("with an error of ") && text.contains("use --tolerance "), "{arguments:?}: {text}");
+        assert!(text.contains(" at mu ") || text.contains(" at roughness "), "{arguments:?}: {text}");
+    }
+    assert!(listing(folder.path()).is_empty());
+}
+
+#[test]
+fn mistyped_names_are_told_what_is_near_and_values_out_of_a_domain_what_it_is() {
+    let folder = folder();
+    let at = ["--mu", "0.5", "--alpha", "0.5"];
+    for (arguments, said) in [
+        (&["eval", "ggx.albdo"][..], "did you mean ggx.albedo? see `kiln list quantities`"),
+        (&["eval", "compensations.*"], "did you mean compensation."),
+        (&["table", "dgf", "-o", "x.exr"], "did you mean dfg? see `kiln list tables`"),
+        (&["table", "dfg", "-o", "x.exr", "--channels", "ggx.skale"], "did you mean ggx.scale?"),
+        (&["eval", "ggx.scale", "--mu", "1.5", "--alpha", "0.5"], "mu 1.5 is outside its domain [0, 1]"),
+        (&["eval", "ggx.scale", "--mu", "nan", "--alpha", "0.5"], "mu NaN is outside its domain [0, 1]"),
+        (&["eval", "dielectric.albedo", "--eta", "-1"], "eta -1 is outside its domain"),
+        (&["table", "dfg", "-o", "x.exr", "--axes", "mu:8:0..2,alpha:8"], "leaves its domain [0, 1]"),
+        (&["table", "conductor-albedo", "-o", "x.exr", "--n", "100"], "n 100 is outside its domain [0.01, 20]"),
+        (&["eval", "dielectric.albedo", "--eta", "1.5", "--smith", "schlick-ibl"], "is made for reflection"),
+    ] {
+        let missing = arguments[0] == "eval" && !arguments.contains(&"--mu");
+        let arguments: Vec<&str> = arguments.iter().copied().chain(at.into_iter().filter(|_| missing)).collect();
+        let text = fail(folder.path(), &arguments, 2);
+        assert!(text.contains(said), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
 fn bad_files_fail_with_one_and_leave_nothing() {
     let folder = folder();
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("writes");
@@ -634,4 +674,57 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
     let folder = folder();
     let quiet = kiln(folder.path(), &["list", "quantities"]);
     assert_eq!((quiet.code, quiet.stderr.as_str()), (0, ""));
+}
+
+/// The verbs that `kiln --help` lists.
+fn verbs(folder: &Path) -> Vec<String> {
+    let help = succeed(folder, &["--help"]).stdout;
+    let listed =
+        help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1).take_while(|line| !line.is_empty());
+    // A summary that is too long goes on below itself.
+    listed
+        .filter_map(|line| {
+            line.strip_prefix("  ").filter(|l| !l.starts_with(' '))?.split(' ').next().map(str::to_owned)
+        })
+        .collect()
+}
+
+#[test]
+fn every_verb_is_in_the_completions_of_every_shell_and_in_the_manual() {
+    let folder = folder();
+    let verbs = verbs(folder.path());
+    assert!(verbs.len() >= 10 && verbs.iter().any(|verb| verb == "table"), "{verbs:?}");
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = succeed(folder.path(), &["completions", shell]).stdout;
+        for word in verbs.iter().map(String::as_str).chain(["roughness", "smith"]) {
+            assert!(script.contains(word), "{shell} does not complete {word}");
+        }
+        // The generators for the other shells do not complete values.
+        let completes_values = ["bash", "zsh", "fish"].contains(&shell);
+        assert!(script.contains("correlated") || !completes_values, "{shell} does not complete the values of --smith");
+    }
+    succeed(folder.path(), &["man", "pages/man1"]);
+    let mut pages = listing(&folder.path().join("pages/man1"));
+    let mut wanted: Vec<String> = verbs.iter().filter(|verb| *verb != "help").map(|v| format!("kiln-{v}.1")).collect();
+    wanted.push("kiln.1".to_owned());
+    wanted.sort();
+    pages.sort();
+    assert_eq!(pages, wanted);
+    let page = |name: &str| std::fs::read_to_string(folder.path().join("pages/man1").join(name)).expect("a page");
+    assert_eq!(page("kiln.1"), succeed(folder.path(), &["man"]).stdout);
+    for name in &wanted {
+        assert!(page(name).contains("\n.TH "), "{name} is no roff");
+    }
+    assert!(page("kiln-table.1").contains("\\-\\-axes"), "{}", page("kiln-table.1"));
+}
+
+#[test]
+fn completions_that_bash_would_read_are_a_script_that_bash_accepts() {
+    let folder = folder();
+    let script = succeed(folder.path(), &["completions", "bash"]).stdout;
+    std::fs::write(folder.path().join("kiln.bash"), script).expect("a script");
+    match std::process::Command::new("bash").arg("-n").arg(folder.path().join("kiln.bash")).status() {
+        Ok(status) => assert!(status.success(), "bash does not accept it"),
+        Err(e) => assert!(std::env::var_os("KILN_REQUIRE_TOOLS").is_none(), "no bash: {e}"),
+    }
 }

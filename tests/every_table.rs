@@ -7,6 +7,7 @@ use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::named::TABLES;
 use kiln::table::quantity;
+use kiln::table::rounding;
 use kiln::table::{Parameter, TableSpec};
 
 /// 5 standard errors estimated from 32 replicates: one false alarm in 50,000 comparisons, of which there are below 10,000; the
@@ -80,11 +81,51 @@ fn finest(spec: &TableSpec) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// The same by the other witness: values and their standard errors.
+fn by_samples(spec: &TableSpec) -> Vec<(f64, f64)> {
+    let settings =
+        Settings { integrator: Integrator::MonteCarlo, samples: Some(1 << 13), seed: 7, ..Settings::default() };
+    let (random, evaluator) = (Integration::new(settings).expect("settings"), spec.evaluator());
+    (0..spec.len())
+        .flat_map(|texel| evaluator.at(&spec.point(texel), &random).expect("in the domain"))
+        .map(|e| (e.value, e.error))
+        .collect()
+}
+
+#[test]
+fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() {
+    let (mut undecided, mut total, mut found) = (0, 0, vec![]);
+    for table in TABLES.iter().filter(|table| table.name != "ggx-albedo-anisotropic") {
+        let mut recipe = small(table.name, if table.axes.len() == 3 { 7 } else { 16 }, Settings::default());
+        recipe.format = FormatSpec::exr(Number::F16);
+        // What is looked up between the texels is another matter, and takes longer.
+        let (spec, integration) =
+            (recipe.spec().expect("a table"), Integration::new(recipe.integration).expect("settings"));
+        let mut baked = spec.bake(&integration, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name));
+        let format = recipe.texel_format().expect("a format");
+        let rounding = rounding::decide(&mut baked, format, &integration).expect("it was baked before");
+        assert_eq!(rounding.certified + rounding.undecided, baked.values.len() as u64, "{}", table.name);
+        if rounding.undecided > 0 {
+            found.push(format!("{} of {}", rounding.undecided, table.name));
+        }
+        undecided += rounding.undecided;
+        total += rounding.certified + rounding.undecided;
+    }
+    assert!(total > 10_000 && undecided * 10_000 <= total, "{undecided} of {total}: {}", found.join(", "));
+}
+
 #[test]
 fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
-    for (name, size, texel) in
-        [("dfg", 24, "rg"), ("ggx-f82", 12, "rgba"), ("beckmann-dfg", 8, "rg"), ("dielectric", 4, "rg")]
-    {
+    for (name, size, texel) in [
+        ("dfg", 24, "rg"),
+        ("ggx-f82", 12, "rgba"),
+        ("beckmann-dfg", 8, "rg"),
+        ("charlie-albedo", 6, "r"),
+        ("dielectric", 4, "rg"),
+        ("dielectric-inside", 4, "rg"),
+        ("dielectric-avg", 2, "rg"),
+        ("conductor-albedo", 6, "r"),
+    ] {
         for number in [Number::F16, Number::F32] {
             let mut recipe = small(name, size, Settings::default());
             recipe.channels.truncate(texel.len());
@@ -99,6 +140,12 @@ fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
             assert_eq!(rounding.certified + rounding.undecided, total, "{name}");
             assert!(rounding.undecided * 10_000 <= total, "{name} {number}: {rounding:?}");
             let stored = values(&recipe, &baked);
+            let drawn = by_samples(&spec);
+            for (i, (value, error)) in drawn.into_iter().enumerate() {
+                let (got, half_an_ulp) = (f64::from(stored[i]), 0.5 * number.ulp(value.abs() * (1.0 + 1e-3)));
+                let allowed = SIGMAS * error + half_an_ulp + 1e-8;
+                assert!((got - value).abs() <= allowed, "{name} {number} value {i}: {got}, drawn {value}, {allowed:e}");
+            }
             let mut outside = 0;
             for (i, (truth, error)) in finest(&spec).into_iter().enumerate() {
                 let got = f64::from(stored[i]);

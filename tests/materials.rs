@@ -91,6 +91,28 @@ fn eval_of_a_kind_shows_how_compensations_differ() {
 }
 
 #[test]
+fn eval_of_a_layer_shows_what_each_kd_gains_or_loses_in_a_white_furnace() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |mu: &str, roughness: &str| {
+        let point = ["eval", "layered.albedo", "--mu", mu, "--roughness", roughness, "--f0", "0.04", "--rho", "0.5"];
+        succeed(folder.path(), &[&point[..], &["--samples", "1024"]].concat()).stdout
+    };
+    let verdict = |text: &str, kd: &str| {
+        let furnace = text.split("in a white furnace").nth(1).unwrap_or_else(|| panic!("{text}"));
+        let row = furnace.lines().find(|line| line.starts_with(kd)).unwrap_or_else(|| panic!("{kd}: {text}"));
+        row.split_whitespace().last().map(str::to_owned).expect("a verdict")
+    };
+    let (grazing, rough) = (at("0.05", "0.3"), at("1", "1"));
+    assert!(
+        grazing.starts_with("layered.albedo at mu 0.05, roughness 0.3, f0 0.04, rho 0.5 (correlated Smith, albedo kd)")
+    );
+    assert_eq!((verdict(&grazing, "fresnel"), verdict(&rough, "fresnel")), ("gains".to_owned(), "loses".to_owned()));
+    for kd in ["albedo", "reciprocal"] {
+        assert_eq!(verdict(&grazing, kd), "all", "{grazing}");
+    }
+}
+
+#[test]
 fn parameters_outside_their_domain_name_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let error = fail(folder.path(), &["eval", "fresnel.dielectric", "--mu", "0.5", "--eta", "-3"], 2);

@@ -3,15 +3,20 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
-use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance};
-use crate::environment::spherical_harmonics::{self, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, CubeLookup, InputReport, Panorama, Sun, Unit, load};
+use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
+use crate::environment::sh_bands::Bands;
+use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
+use crate::environment::{
+    Adjusted, Cube, CubeLookup, FullSum, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load,
+};
 use crate::error::{Error, Result};
-use crate::format::{self, Texture};
+use crate::format::{self, Container, FormatSpec, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
+use crate::recipe::cube_texel;
 use crate::table::Progress;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -19,10 +24,12 @@ use std::path::Path;
 pub const DEFAULT_SAMPLES: u64 = 4096;
 /// Samples per texel beyond which a tolerance counts as out of reach.
 const MOST_SAMPLES: u64 = 1 << 18;
-/// Names of the files, in the order of their digests.
-pub(crate) const FILES: [&str; 3] = ["specular.ktx2", "irradiance.ktx2", "sh.json"];
+/// Name of the file of coefficients.
+pub(crate) const SH_FILE: &str = "sh.json";
 /// What the irradiance cube is called in certificates and in its file.
 pub(crate) const IRRADIANCE: &str = "irradiance";
+/// What the specular chain is called in its file.
+const SPECULAR: &str = "specular";
 /// The schema of `sh.json`.
 pub const SH_SCHEMA: &str = "kiln-sh/1";
 
@@ -38,6 +45,58 @@ pub struct ShFile {
     pub fit: IrradianceFit,
     /// The same of those that are negative nowhere.
     pub fit_nonnegative: IrradianceFit,
+    /// Those that are negative nowhere, as an engine's shader reads them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engine: Option<EngineSh>,
+    /// More bands, where more than three were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<Bands>,
+}
+
+/// Nine coefficients in an engine's convention, for the vectors that its shader looks up.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EngineSh {
+    /// Whose.
+    pub convention: ShConvention,
+    /// What each is the factor of.
+    pub order: Vec<String>,
+    /// What they hold.
+    pub holds: String,
+    /// RGB each.
+    pub coefficients: Coefficients,
+}
+
+impl EngineSh {
+    /// What a recipe asks for; nothing where Kiln's own coefficients are all that is wanted.
+    pub fn new(recipe: &EnvironmentRecipe, harmonics: &SphericalHarmonics) -> Option<Self> {
+        let convention = recipe.sh;
+        (convention != ShConvention::Kiln).then(|| Self {
+            convention,
+            order: convention.order().map(str::to_owned).to_vec(),
+            holds: convention.holds().to_owned(),
+            coefficients: convention.coefficients(&harmonics.irradiance_over_pi_nonnegative, &recipe.orientation),
+        })
+    }
+}
+
+/// The irradiance as a file's own metadata, of containers that have a place for it: Filament's nine lines, Babylon.js' polynomial.
+fn irradiance_of(
+    container: Container,
+    recipe: &EnvironmentRecipe,
+    of: &SphericalHarmonics,
+) -> Option<(String, String)> {
+    let coefficients =
+        |convention: ShConvention| convention.coefficients(&of.irradiance_over_pi_nonnegative, &recipe.orientation);
+    match container {
+        Container::Ktx1 => {
+            let line = |rgb: &[f64; 3]| format!("{} {} {}\n", rgb[0] as f32, rgb[1] as f32, rgb[2] as f32);
+            Some((ktx1::SH_KEY.to_owned(), coefficients(ShConvention::Filament).iter().map(line).collect()))
+        }
+        Container::Env => {
+            Some((env::POLYNOMIAL_KEY.to_owned(), env::polynomial_json(&coefficients(ShConvention::Babylon))))
+        }
+        _ => None,
+    }
 }
 
 /// The file of a sun that was taken out.
@@ -73,11 +132,13 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
     ChainSpec {
         size: recipe.size,
         roughness: recipe.level_roughness(),
+        kernel: recipe.kernel,
+        view: recipe.view,
         samples: samples as usize,
         seed: recipe.integration.seed,
         integrator: match recipe.integration.integrator {
-            // Only the random witness takes samples.
-            Integrator::Auto if recipe.integration.samples.is_some() => Integrator::MonteCarlo,
+            // Only the random witness takes samples, and views at an angle.
+            Integrator::Auto if recipe.integration.samples.is_some() || recipe.view.is_some() => Integrator::MonteCarlo,
             Integrator::Auto => Integrator::Zonal,
             chosen => chosen,
         },
@@ -128,62 +189,156 @@ pub fn is_current(recipe: &EnvironmentRecipe, certificate: &Certificate) -> bool
 pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progress) -> Result<Baked> {
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
-    let format = recipe.cube_format()?;
-    let (specular, irradiance) = filter(recipe, panorama, progress)?;
-    let (bytes_of_levels, packing, values, lookups) = pack(&specular, &irradiance, format);
-    let judged = EnvironmentValues { levels: &values, precision: precision(format, &values, packing.max_block_error) };
+    let truth = FullSum::new(panorama);
+    let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
     let harmonics = spherical_harmonics::project(panorama);
     let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
     let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
-    let mut checks = judged.facts(panorama.min().into_iter().any(|v| v < 0.0));
-    checks.extend(judged.against(panorama, recipe.integration.seed, false));
+    let engine = EngineSh::new(recipe, &harmonics);
+    let mut cubes = vec![Packed::new(SPECULAR, recipe.specular_name(), recipe.format, recipe.size)];
+    for (m, level) in specular.iter().enumerate() {
+        cubes[0].push(format!("specular {m}"), level, recipe)?;
+    }
+    if let Some(name) = recipe.irradiance_name() {
+        let mut cube = Packed::new(IRRADIANCE, name, recipe.format_of_irradiance(), recipe.irradiance_size);
+        cube.push(IRRADIANCE.to_owned(), &irradiance, recipe)?;
+        cubes.push(cube);
+    }
+    let mut checks = vec![];
+    // The same function would make the same average again.
+    let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(cube, _)| cube);
+    for cube in &cubes {
+        let judged = cube.values(recipe)?;
+        checks.extend(judged.facts(panorama.min().into_iter().any(|v| v < 0.0)));
+        checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, false));
+    }
     checks.extend(level_zero_flux(&specular[0].1));
-    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative };
+    let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
+    let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));
+    let fit_of_bands = bands.as_ref().map(|bands| bands.fit);
+    let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, engine, bands };
     let sh_bytes = json(&sh)?;
     let sun = adjusted.sun.map(|sun| json(&SunFile::new(sun, recipe.adjust.unit))).transpose()?;
-    let names = FILES.iter().copied().chain(sun.as_ref().map(|_| SUN_FILE));
-    let digests = digests(&values, &sh_bytes).into_iter().chain(sun.as_ref().map(|s| certificate::digest([&s[..]])));
+    let json_files = [(SH_FILE, sh_bytes)].into_iter().chain(sun.map(|bytes| (SUN_FILE, bytes)));
+    let json_files: Vec<(String, Vec<u8>)> = json_files.map(|(name, bytes)| (name.to_owned(), bytes)).collect();
+    let digests = (cubes.iter().map(|cube| (&cube.name, cube.digest())))
+        .chain(json_files.iter().map(|(name, bytes)| (name, certificate::digest([bytes.as_slice()]))));
     let certificate = Certificate {
         environment: Some(recipe.clone()),
         input: Some(input(source)),
-        files: names.clone().zip(digests).map(|(f, digest)| FileDigest { file: f.to_owned(), digest }).collect(),
-        levels: (values.iter().zip(lookups).zip(specular.iter().chain([&irradiance])))
-            .map(|((v, lookup), (_, r))| Level { lookup, ..level(&v.name, r) })
-            .collect(),
-        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative }),
+        files: digests.map(|(file, digest)| FileDigest { file: file.clone(), digest }).collect(),
+        levels: cubes.iter().flat_map(Packed::certified).collect(),
+        sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative, bands: fit_of_bands }),
         checks,
-        packing,
+        packing: cubes.iter().fold(PackReport::default(), |report, cube| report.merge(cube.packing)),
         ..Certificate::new()
     };
     refuse_failures(&certificate)?;
     let json = certificate.to_json()?;
-    let cube = |content: &str, size, levels| {
+    let mut files = vec![];
+    for cube in cubes {
         let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
-        let metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, content)];
-        let primaries = panorama.primaries();
-        let texture = Texture { levels, metadata, primaries, ..Texture::empty_cube(format, size) };
-        format::encode(recipe.format, &texture)
-    };
-    let mut levels = bytes_of_levels;
-    let last = levels.split_off(specular.len());
-    let contents = [cube("specular", recipe.size, levels)?, cube(IRRADIANCE, recipe.irradiance_size, last)?, sh_bytes];
+        let mut metadata = vec![pair(certificate::KEY, &json), pair(certificate::CONTENT_KEY, cube.content)];
+        if cube.content == SPECULAR {
+            metadata.extend(irradiance_of(cube.format.container(), recipe, &sh.harmonics));
+        }
+        files.push((cube.name.clone(), cube.encode(metadata, panorama)?));
+    }
     let folder = Path::new(&recipe.directory);
     Ok(Baked {
-        files: names.zip(contents.into_iter().chain(sun)).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
+        files: files.into_iter().chain(json_files).map(|(name, bytes)| (folder.join(name), bytes)).collect(),
         certificate_path: folder.join("certificate.json"),
         certificate,
     })
 }
 
+/// A cube on its way into its file.
+struct Packed {
+    /// What it is called in certificates and in its file.
+    content: &'static str,
+    name: String,
+    format: FormatSpec,
+    size: usize,
+    /// What a reader will see, turned as the file is.
+    levels: Vec<CubeLevel>,
+    reports: Vec<LevelReport>,
+    /// What a shader will see between texels.
+    lookups: Vec<Option<CubeLookup>>,
+    bytes: Vec<Vec<u8>>,
+    packing: PackReport,
+}
+
+impl Packed {
+    fn new(content: &'static str, name: String, format: FormatSpec, size: usize) -> Self {
+        let packing = PackReport::default();
+        let (levels, reports, lookups, bytes) = (vec![], vec![], vec![], vec![]);
+        Self { content, name, format, size, levels, reports, lookups, bytes, packing }
+    }
+
+    /// Turns and packs the next level.
+    fn push(&mut self, name: String, (cube, found): &Filtered, recipe: &EnvironmentRecipe) -> Result<()> {
+        let format = cube_texel(self.format)?;
+        let (cube, n) = (recipe.orientation.apply(cube), format.channels());
+        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
+        let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
+        let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+        let stored = Cube { size: cube.size, texels };
+        let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
+        self.packing = self.packing.merge(packed);
+        self.bytes.push(bytes);
+        self.reports.push(found.clone());
+        self.levels.push(CubeLevel {
+            kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
+            view: recipe.view.filter(|_| name != IRRADIANCE),
+            name,
+            size: cube.size,
+            roughness: found.roughness,
+            texels: stored.texels,
+            fitted: lookup.clone().filter(|_| is_fitted(found)),
+            max_error: found.max_error,
+            rms_error: found.rms_error,
+        });
+        self.lookups.push(lookup);
+        Ok(())
+    }
+
+    /// What the certificate says of the levels.
+    fn certified(&self) -> impl Iterator<Item = Level> {
+        let each = self.levels.iter().zip(&self.reports).zip(&self.lookups);
+        each.map(|((values, report), lookup)| Level { lookup: lookup.clone(), ..level(&values.name, report) })
+    }
+
+    fn values(&self, recipe: &EnvironmentRecipe) -> Result<EnvironmentValues<'_>> {
+        let precision = precision(cube_texel(self.format)?, &self.levels, self.packing.max_block_error);
+        Ok(EnvironmentValues { levels: &self.levels, precision, orientation: recipe.orientation })
+    }
+
+    fn digest(&self) -> String {
+        texel_digest(self.levels.iter().map(|level| level.texels.as_flattened()))
+    }
+
+    fn encode(self, metadata: Vec<(String, String)>, panorama: &Panorama) -> Result<Vec<u8>> {
+        let primaries = panorama.primaries();
+        let empty = Texture::empty_cube(cube_texel(self.format)?, self.size);
+        format::encode(self.format, &Texture { levels: self.bytes, metadata, primaries, ..empty })
+    }
+}
+
 type Filtered = (Cube, LevelReport);
 
 /// The specular chain and the irradiance cube, with as many samples as the settings ask for.
-fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -> Result<(Vec<Filtered>, Filtered)> {
+fn filter(
+    recipe: &EnvironmentRecipe,
+    panorama: &Panorama,
+    truth: &FullSum,
+    progress: Progress,
+) -> Result<(Vec<Filtered>, Filtered)> {
     let settings = recipe.integration;
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) = chain_and_irradiance(panorama, &spec, recipe.irradiance_size, progress)?;
+        let (chain, irradiance) =
+            chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {
@@ -201,36 +356,6 @@ fn filter(recipe: &EnvironmentRecipe, panorama: &Panorama, progress: Progress) -
     }
 }
 
-/// Packed levels, what packing changed, what a reader will see of texels, and what a shader will see between them.
-type Packed = (Vec<Vec<u8>>, PackReport, Vec<CubeLevel>, Vec<Option<CubeLookup>>);
-
-/// Packs the levels, the irradiance cube last.
-fn pack(specular: &[Filtered], irradiance: &Filtered, format: TexelFormat) -> Packed {
-    let (mut all, mut report, mut values, mut lookups) = (vec![], PackReport::default(), vec![], vec![]);
-    let named = specular.iter().enumerate().map(|(m, level)| (format!("specular {m}"), level));
-    for (name, (cube, found)) in named.chain([(IRRADIANCE.to_owned(), irradiance)]) {
-        let n = format.channels();
-        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
-        let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
-        let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
-        let stored = Cube { size: cube.size, texels };
-        let lookup = found.probe.as_ref().map(|probe| probe.judge(&stored));
-        report = report.merge(packed);
-        values.push(CubeLevel {
-            name,
-            size: cube.size,
-            roughness: found.roughness,
-            texels: stored.texels,
-            fitted: lookup.clone().filter(|_| is_fitted(found)),
-            max_error: found.max_error,
-            rms_error: found.rms_error,
-        });
-        lookups.push(lookup);
-        all.push(bytes);
-    }
-    (all, report, values, lookups)
-}
-
 fn is_fitted(level: &LevelReport) -> bool {
     level.fit.as_ref().is_some_and(|fit| fit.kept)
 }
@@ -239,13 +364,6 @@ fn is_fitted(level: &LevelReport) -> bool {
 pub(crate) fn precision(format: TexelFormat, levels: &[CubeLevel], block_error: f64) -> Precision {
     let values = levels.iter().flat_map(|level| level.texels.as_flattened()).map(|&v| f64::from(v));
     Precision::new(format, values, block_error)
-}
-
-/// Digests of the files, in the order of [`FILES`].
-pub(crate) fn digests(values: &[CubeLevel], sh: &[u8]) -> [String; 3] {
-    let of = |levels: &[CubeLevel]| texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
-    let (irradiance, specular) = values.split_last().map_or((&values[..0], values), |(_, s)| (&values[s.len()..], s));
-    [of(specular), of(irradiance), certificate::digest([sh])]
 }
 
 /// A file of JSON, as written.

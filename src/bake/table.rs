@@ -4,7 +4,7 @@ use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, Channel, FileDigest};
 use crate::check::{Precision, TableValues};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, Image, Texture, exr};
+use crate::format::{self, Container, Image, Texture, exr, source};
 use crate::integrate::{Integration, Integrator};
 use crate::math::fit::Fit;
 use crate::pack::{PackReport, TexelFormat};
@@ -20,6 +20,22 @@ use std::path::Path;
 ///
 /// **Errors**: a recipe that cannot be baked; a tolerance that is not reached; a failed check.
 pub fn table(recipe: &TableRecipe, progress: Progress) -> Result<Baked> {
+    let (table, file, certificate) = judged_table(recipe, true, progress)?;
+    let path = recipe.file.clone().into();
+    let certificate_path = certificate::beside(Path::new(&recipe.file));
+    Ok(Baked { files: vec![(path, encode(&table, file, recipe, &certificate)?)], certificate_path, certificate })
+}
+
+/// The certificate of a table on which the other witness was not heard, and of which no file is made: what the first one takes, for
+/// benchmarks and for a look at a table before it is baked.
+///
+/// **Errors**: those of [`table()`], but for what only the other witness finds.
+pub fn table_by_one_witness(recipe: &TableRecipe, progress: Progress) -> Result<Certificate> {
+    Ok(judged_table(recipe, false, progress)?.2)
+}
+
+/// The table, as it lies in its file, and what is known of it.
+fn judged_table(recipe: &TableRecipe, both: bool, progress: Progress) -> Result<(Table, Texture, Certificate)> {
     recipe.check_format()?;
     let spec = recipe.spec()?;
     let integration = Integration::new(recipe.integration)?;
@@ -47,9 +63,11 @@ pub fn table(recipe: &TableRecipe, progress: Progress) -> Result<Baked> {
         checks = judged.facts();
         // Whichever witness did not compute a channel looks at it.
         let random = |h: &Handle| h.is_monte_carlo(&integration);
-        checks.extend(judged.every_texel(random)?);
-        let others = |h: &Handle| !random(h) || !h.family.has_quadrature();
-        checks.extend(judged.random_witness(recipe.integration.seed, false, others)?);
+        if both {
+            checks.extend(judged.every_texel(random)?);
+            let looked_at = |h: &Handle| !random(h) || !h.family.has_quadrature();
+            checks.extend(judged.random_witness(recipe.integration.seed, false, looked_at)?);
+        }
     }
     let certificate = Certificate {
         files: vec![FileDigest { file: file_name(&recipe.file)?, digest: texel_digest([texels.as_slice()]) }],
@@ -63,9 +81,7 @@ pub fn table(recipe: &TableRecipe, progress: Progress) -> Result<Baked> {
         ..Certificate::new()
     };
     refuse_failures(&certificate)?;
-    let path = recipe.file.clone().into();
-    let certificate_path = certificate::beside(Path::new(&recipe.file));
-    Ok(Baked { files: vec![(path, encode(&table, file, recipe, &certificate)?)], certificate_path, certificate })
+    Ok((table, file, certificate))
 }
 
 /// The texels before packing: the quantities at their centres, or chosen for the lookup, and what that came to.
@@ -94,7 +110,7 @@ fn channels(table: &Table, integration: &Integration) -> Vec<Channel> {
     let errors = table.worst_errors();
     let of = |c: usize| table.values.iter().copied().skip(c).step_by(n);
     let row = |(c, handle): (usize, &Handle)| Channel {
-        quantity: handle.quantity.name.to_owned(),
+        quantity: handle.label(),
         definition: handle.quantity.definition.to_owned(),
         source: handle.quantity.source.to_owned(),
         integrator: integrator(handle).name().to_owned(),
@@ -128,8 +144,8 @@ fn pack(table: &Table, recipe: &TableRecipe) -> Result<(Texture, PackReport)> {
 }
 
 fn names(table: &Table, arrangement: &Arrangement) -> Vec<String> {
-    let names: Vec<&str> = table.spec.channels.iter().map(|c| c.quantity.name).collect();
-    arrangement.names(&names)
+    let labels: Vec<String> = table.spec.channels.iter().map(Handle::label).collect();
+    arrangement.names(&labels.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
 /// A table whose values its format has no room for is no table of them.
@@ -173,6 +189,10 @@ fn encode(table: &Table, mut file: Texture, recipe: &TableRecipe, certificate: &
         }
         _ => {
             file.metadata = metadata;
+            if recipe.format.container().is_source() {
+                let name = Path::new(&recipe.file).file_stem().and_then(|n| n.to_str()).unwrap_or_default();
+                file.metadata.push((source::NAME_KEY.to_owned(), name.to_owned()));
+            }
             format::encode(recipe.format, &file)
         }
     }

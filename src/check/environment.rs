@@ -3,11 +3,14 @@
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, CubeLookup, DARK_FLOOR, Kernel, Panorama, area_average};
+use crate::environment::{
+    Cube, CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, View, ViewLobe, area_average,
+};
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// One cube and what is claimed of it.
 #[derive(Debug, Clone)]
@@ -18,6 +21,10 @@ pub struct CubeLevel {
     pub size: usize,
     /// The artist's roughness.
     pub roughness: f64,
+    /// What it weighs directions by.
+    pub kernel: KernelKind,
+    /// How the surface is seen, if not as N = V = R.
+    pub view: Option<View>,
     /// Six faces, rows, texels.
     pub texels: Vec<[f32; 3]>,
     /// The claimed lookup error of a level whose texels are chosen for the lookup: it is judged by that, not texel by texel.
@@ -33,13 +40,16 @@ pub struct CubeLevel {
 pub struct EnvironmentValues<'a> {
     /// All cubes.
     pub levels: &'a [CubeLevel],
+    /// Which way the cubes are turned.
+    pub orientation: Orientation,
     /// What packing may have changed. Values that the format has no room for are stored as the nearest that it has.
     pub precision: Precision,
 }
 
 /// A value that is wrong by how much, and by how much it may be.
 struct Deviation {
-    place: String,
+    /// The texel, and its channel.
+    place: (usize, usize),
     figure: f64,
     limit: f64,
 }
@@ -50,15 +60,15 @@ impl Deviation {
     }
 }
 
-fn worst(name: &str, subject: &str, deviations: Vec<Deviation>) -> Option<Check> {
+fn worst(name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
     let count = deviations.len();
     let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
-    let detail = format!("worst of {count} at {}", worst.place);
-    Some(Check::at_most(name, subject, worst.figure, worst.limit, detail))
+    let detail = format!("worst of {count} at {}", place(level.size, worst.place));
+    Some(Check::at_most(name, &level.name, worst.figure, worst.limit, detail))
 }
 
 /// Where a texel is, for a report.
-fn place(size: usize, texel: usize, channel: usize) -> String {
+fn place(size: usize, (texel, channel): (usize, usize)) -> String {
     let (face, rest) = (texel / (size * size), texel % (size * size));
     let (face, channel) = (["+X", "-X", "+Y", "-Y", "+Z", "-Z"][face], ["R", "G", "B"][channel]);
     format!("face {face}, texel {}, {}, {channel}", rest % size, rest / size)
@@ -90,42 +100,80 @@ impl EnvironmentValues<'_> {
     /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
     /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
     pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
-        let sum = FullSum::new(panorama);
+        self.against_truth(&FullSum::new(panorama), None, panorama, seed, full)
+    }
+
+    /// The same, with a full sum and an area average of the panorama that others use too.
+    pub(crate) fn against_truth(
+        &self,
+        sum: &FullSum,
+        average: Option<&Cube>,
+        panorama: &Panorama,
+        seed: u64,
+        full: bool,
+    ) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
         let mut checks = vec![];
         for (index, level) in self.levels.iter().enumerate() {
             if is_constant {
                 let deviations = self.compare(level, panorama, all(level), |_| constant, true);
-                checks.extend(worst("distance from the constant input", &level.name, deviations));
+                checks.extend(worst("distance from the constant input", level, deviations));
                 continue;
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
-                let average = area_average(panorama, level.size);
+                let known = average.filter(|average| average.size == level.size);
+                let average = known.map_or_else(|| Cow::Owned(area_average(panorama, level.size)), Cow::Borrowed);
+                let average = self.orientation.apply(&average);
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
-                checks.extend(worst("exact area average at every texel", &level.name, deviations));
+                checks.extend(worst("exact area average at every texel", level, deviations));
+                continue;
+            }
+            if let Some(view) = level.view {
+                checks.extend(self.against_view(level, view, panorama, sum, seed.wrapping_add(index as u64)));
                 continue;
             }
             if alpha * level.size as f64 >= RESOLVED {
-                checks.push(mean_check(level, panorama));
+                checks.push(mean_check(level, panorama, self.mean_packing(level)));
             }
-            let kernel = Kernel::new(alpha);
+            sum.prepare();
+            let kernel = Kernel::of(level.kernel, alpha);
+            let seed = seed.wrapping_add(index as u64);
             if let Some(claimed) = &level.fitted {
-                checks.extend(lookup_checks(level, panorama, &sum, &kernel, claimed, seed.wrapping_add(index as u64)));
+                checks.push(self.lookup_check(level, panorama, sum, &kernel, claimed, seed));
                 continue;
             }
-            let texels = if full { all(level) } else { chosen(level, panorama, seed.wrapping_add(index as u64)) };
+            let turn = |d: DVec3| self.orientation.lookup(d);
+            let texels = if full { all(level) } else { chosen(level, sum.sun(), turn, seed) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
                 format!("full sum at {} texels", texels.len())
             };
-            let truth = |texel: usize| sum.evaluate(texel_direction(level.size, texel), &kernel);
-            checks.extend(worst(&name, &level.name, self.compare(level, panorama, texels, truth, false)));
+            let truth =
+                |texel: usize| sum.evaluate(self.orientation.world(texel_direction(level.size, texel)), &kernel);
+            checks.extend(worst(&name, level, self.compare(level, panorama, texels, truth, false)));
         }
         checks
+    }
+
+    /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
+    fn mean_packing(&self, level: &CubeLevel) -> f64 {
+        let Some(format) = self.precision.format().filter(|format| !format.is_signed()) else { return 0.0 };
+        let blocks = self.brightest_of_blocks(level);
+        let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
+        for (i, texel) in level.texels.iter().enumerate() {
+            let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
+            let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, i)]);
+            for c in 0..3 {
+                let value = f64::from(texel[c]).min(format.largest(c));
+                room[c] += self.precision.tolerance_in(c, value, brightest);
+                sum[c] += value;
+            }
+        }
+        (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
     }
 
     /// The brightest value of each block, where texels are stored in such.
@@ -133,6 +181,29 @@ impl EnvironmentValues<'_> {
         let faces = level.texels.chunks_exact(level.size * level.size);
         let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(level.size, level.size, face.as_flattened());
         (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
+    }
+
+    /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the
+    /// lobe to [`VIEW_SUM`].
+    fn against_view(
+        &self,
+        level: &CubeLevel,
+        view: View,
+        panorama: &Panorama,
+        sum: &FullSum,
+        seed: u64,
+    ) -> Option<Check> {
+        let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
+        let all = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
+        let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
+        let name = format!("sum over the panorama at {} texels", texels.len());
+        let sums: Vec<[f64; 3]> = texels
+            .iter()
+            .map(|&texel| lobe.sum(panorama, self.orientation.world(texel_direction(level.size, texel))))
+            .collect();
+        let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
+        let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
+        worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
@@ -158,10 +229,55 @@ impl EnvironmentValues<'_> {
                     let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
-                    Deviation { place: place(level.size, texel, c), figure, limit }
+                    Deviation { place: (texel, c), figure, limit }
                 })
             })
             .collect()
+    }
+
+    /// A fitted level against the full sum, through the filtering that it is made for: towards texels' centres, where fitted texels
+    /// are off most, and anywhere between.
+    fn lookup_check(
+        &self,
+        level: &CubeLevel,
+        panorama: &Panorama,
+        sum: &FullSum,
+        kernel: &Kernel,
+        claimed: &CubeLookup,
+        seed: u64,
+    ) -> Check {
+        let cube = Cube { size: level.size, texels: level.texels.clone() };
+        let mean = panorama.mean();
+        let n = level.texels.len() as f64;
+        let centres = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
+        let anywhere = weyl(seed, LOOKUPS).map(|a| {
+            // A spiral of even density over the sphere, from a start that the seed names.
+            let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);
+            let (sin, cos) = (turn.fract() * std::f64::consts::TAU).sin_cos();
+            let across = (1.0 - y * y).max(0.0).sqrt();
+            DVec3::new(across * cos, y, across * sin)
+        });
+        // As the shader looks up.
+        let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| texel_direction(level.size, t))).collect();
+        let errors: Vec<f64> = directions
+            .par_iter()
+            .map(|&direction| {
+                let wanted = sum.evaluate(self.orientation.world(direction), kernel);
+                let seen = cube.filtered(direction);
+                (0..3)
+                    .map(|c| {
+                        let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
+                        let off = if seen[c] == wanted[c] { 0.0 } else { (seen[c] - wanted[c]).abs() / scale };
+                        if off.is_nan() { f64::INFINITY } else { off }
+                    })
+                    .fold(0.0, f64::max)
+            })
+            .collect();
+        let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+        let [x, y, z] = directions[worst].to_array();
+        let detail = format!("worst of {} towards ({x:.3}, {y:.3}, {z:.3})", errors.len());
+        let name = "full sum through bilinear filtering, relative";
+        Check::at_most(name, &level.name, errors[worst], BETWEEN * claimed.max, detail)
     }
 }
 
@@ -170,54 +286,16 @@ const BETWEEN: f64 = 2.0;
 /// Directions that the full sum is asked for of a fitted level.
 const LOOKUPS: usize = 192;
 
-/// A fitted level against the full sum, through the filtering that it is made for: towards texels' centres, where fitted texels are off
-/// most, and anywhere between.
-fn lookup_checks(
-    level: &CubeLevel,
-    panorama: &Panorama,
-    sum: &FullSum,
-    kernel: &Kernel,
-    claimed: &CubeLookup,
-    seed: u64,
-) -> Vec<Check> {
-    let cube = Cube { size: level.size, texels: level.texels.clone() };
-    let mean = panorama.mean();
-    let n = level.texels.len() as f64;
-    let centres = chosen(level, panorama, seed);
-    let anywhere = weyl(seed, LOOKUPS).map(|a| {
-        // A spiral of even density over the sphere, from a start that the seed names.
-        let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);
-        let (sin, cos) = (turn.fract() * std::f64::consts::TAU).sin_cos();
-        let across = (1.0 - y * y).max(0.0).sqrt();
-        DVec3::new(across * cos, y, across * sin)
-    });
-    let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| texel_direction(level.size, t))).collect();
-    let errors: Vec<f64> = directions
-        .par_iter()
-        .map(|&direction| {
-            let (wanted, seen) = (sum.evaluate(direction, kernel), cube.filtered(direction));
-            (0..3)
-                .map(|c| {
-                    let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
-                    let off = if seen[c] == wanted[c] { 0.0 } else { (seen[c] - wanted[c]).abs() / scale };
-                    if off.is_nan() { f64::INFINITY } else { off }
-                })
-                .fold(0.0, f64::max)
-        })
-        .collect();
-    let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
-    let [x, y, z] = directions[worst].to_array();
-    let detail = format!("worst of {} towards ({x:.3}, {y:.3}, {z:.3})", errors.len());
-    let name = "full sum through bilinear filtering, relative";
-    vec![Check::at_most(name, &level.name, errors[worst], BETWEEN * claimed.max, detail)]
-}
-
 /// The block of a texel of a cube, face after face.
 fn block(level: &CubeLevel, texel: usize) -> usize {
     let area = level.size * level.size;
     let per_face = level.size.div_ceil(bc6h::BLOCK).pow(2);
     texel / area * per_face + bc6h::block_of(level.size, texel % area)
 }
+
+/// Texels of a level seen at an angle that are summed over the panorama, and the error of that sum.
+const VIEW_POINTS: usize = 24;
+const VIEW_SUM: f64 = 1e-3;
 
 /// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to
 /// the mean of the filtered function but for [`TEXEL_SUM`].
@@ -226,7 +304,7 @@ const RESOLVED: f64 = 4.0;
 const TEXEL_SUM: f64 = 4e-3;
 
 /// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
+fn mean_check(level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
     let cube = Cube { size: level.size, texels: level.texels.clone() };
     let (found, wanted) = (cube.mean(), panorama.mean());
     let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
@@ -236,7 +314,7 @@ fn mean_check(level: &CubeLevel, panorama: &Panorama) -> Check {
         "mean over the sphere against the input's, relative",
         &level.name,
         figure,
-        TEXEL_SUM + SIGMAS * level.rms_error,
+        TEXEL_SUM + SIGMAS * level.rms_error + packing,
         detail,
     )
 }
@@ -247,11 +325,9 @@ fn all(level: &CubeLevel) -> Vec<usize> {
 
 /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
 /// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
+fn chosen(level: &CubeLevel, sun: DVec3, turn: impl Fn(DVec3) -> DVec3, seed: u64) -> Vec<usize> {
     let n = level.texels.len();
     let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
-    let (column, row, _) = panorama.peak();
-    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let ring = (0..8).map(|i| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
@@ -261,7 +337,7 @@ fn chosen(level: &CubeLevel, panorama: &Panorama, seed: u64) -> Vec<usize> {
         .into_iter()
         .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
     let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
-    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, d)));
+    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, turn(d))));
     let last = level.size * level.size - 1;
     texels.extend((0..6).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
     texels.sort_unstable();

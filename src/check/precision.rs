@@ -13,8 +13,8 @@ pub struct Precision {
     block_error: f64,
 }
 
-/// The largest error of a block, in parts of its brightest value, that verification believes.
-const MOST_BLOCK_ERROR: f64 = 0.25;
+/// The largest error of a block, in parts of its brightest value, that verification believes: a claim of huge errors would excuse anything.
+pub const MOST_BLOCK_ERROR: f64 = 0.75;
 
 impl Precision {
     /// Of values that were not packed.
@@ -22,14 +22,14 @@ impl Precision {
         Self { format: None, brightest: 0.0, block_error: 0.0 }
     }
 
-    /// Of values that were read from a file; `block_error` is what its certificate claims of [`PackReport::max_block_error`], and believed up to a
-    /// quarter.
+    /// Of values that were packed; `block_error` is [`PackReport::max_block_error`], of a file what its certificate claims of it, up to
+    /// [`MOST_BLOCK_ERROR`].
     ///
     /// [`PackReport::max_block_error`]: crate::pack::PackReport::max_block_error
     pub fn new(format: TexelFormat, values: impl IntoIterator<Item = f64>, block_error: f64) -> Self {
         // NaN is no brightness; it is found elsewhere.
         let brightest = values.into_iter().filter(|v| v.is_finite()).fold(0.0, f64::max);
-        Self { format: Some(format), brightest, block_error: block_error.min(MOST_BLOCK_ERROR) }
+        Self { format: Some(format), brightest, block_error }
     }
 
     /// How texels are stored.

@@ -72,7 +72,7 @@ impl TableValues<'_> {
         }
         let Deviation { texel, off, tolerance } = worst?;
         let detail = format!("worst of {count} at {}", self.place(texel));
-        Some(Check::at_most(name, self.spec.channels[channel].quantity.name, off.abs(), tolerance, detail))
+        Some(Check::at_most(name, &self.spec.channels[channel].label(), off.abs(), tolerance, detail))
     }
 
     /// What holds of texels that are chosen for the lookup too: they are finite and within the quantities' bounds.
@@ -97,9 +97,9 @@ impl TableValues<'_> {
         let handle = &self.spec.channels[c];
         let mut checks = vec![];
         let bad = self.channel(c).filter(|(_, v)| !v.is_finite()).count();
-        let name = handle.quantity.name;
+        let name = &handle.label();
         checks.push(Check::at_most("values that are not finite", name, bad as f64, 0.0, "counted over all texels"));
-        let (low, high) = handle.quantity.bounds;
+        let (low, high) = handle.bounds();
         let outside = self.channel(c).map(|(texel, v)| {
             let excess = if v.is_nan() { v } else { (low - v).max(v - high).max(0.0) };
             Deviation { texel, off: excess, tolerance: self.tolerance(c, v) }
@@ -123,7 +123,7 @@ impl TableValues<'_> {
     /// Steps the wrong way, along an axis on which the quantity is monotone.
     fn monotony(&self, channel: usize, axis: usize) -> Option<Check> {
         let varied = &self.spec.axes[axis];
-        let trend = self.spec.channels[channel].quantity.trend(varied.parameter)?;
+        let trend = self.spec.channels[channel].trend(varied.parameter)?;
         let n = self.spec.channels.len();
         let stride: usize = self.spec.axes[..axis].iter().map(|a| a.size).product();
         let mut order: Vec<(f64, usize)> = (0..varied.size).map(|i| (varied.value(i), i)).collect();
@@ -153,8 +153,9 @@ impl TableValues<'_> {
                 if identity.quantity != handle.index {
                     continue;
                 }
-                let tolerance = identity.slack + self.tolerance(channel, identity.value);
-                let row = Deviation { texel, off: value - identity.value, tolerance };
+                let exact = handle.transform.estimate(Estimate::bound(identity.value, identity.slack));
+                let tolerance = exact.error + self.tolerance(channel, exact.value);
+                let row = Deviation { texel, off: value - exact.value, tolerance };
                 match known.iter_mut().find(|(fact, _)| *fact == identity.fact) {
                     Some((_, rows)) => rows.push(row),
                     None => known.push((identity.fact, vec![row])),
@@ -165,7 +166,7 @@ impl TableValues<'_> {
     }
 
     fn find(&self, name: &str) -> Option<usize> {
-        self.spec.channels.iter().position(|c| c.quantity.name == name)
+        self.spec.channels.iter().position(|c| c.quantity.name == name && c.transform.is_identity())
     }
 
     /// scale + bias = E, whose azimuth integral is closed form: another road to the same number.

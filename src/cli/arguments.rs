@@ -2,8 +2,10 @@
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
 use kiln::Result;
+use kiln::engine::{self, Engine};
 use kiln::environment::Fit;
 use kiln::integrate::{Integrator, Settings};
+use kiln::language::Language;
 use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
 use kiln::model::layered::Kd;
@@ -97,21 +99,50 @@ impl From<KdName> for Kd {
 /// The choices within a model.
 #[derive(Debug, Clone, Args)]
 pub struct ModelArgs {
-    /// Masking and shadowing
-    #[arg(long, value_enum, default_value = "correlated")]
-    pub smith: SmithName,
-    /// Visibility term of the sheen
-    #[arg(long, value_enum, default_value = "neubelt")]
-    pub visibility: VisibilityName,
-    /// What a specular layer leaves to the diffuse base (layered.albedo)
-    #[arg(long, value_enum, default_value = "albedo")]
-    pub kd: KdName,
+    /// Masking and shadowing [default: correlated]
+    #[arg(long, value_enum)]
+    pub smith: Option<SmithName>,
+    /// Visibility term of the sheen [default: neubelt]
+    #[arg(long, value_enum)]
+    pub visibility: Option<VisibilityName>,
+    /// What a specular layer leaves to the diffuse base (layered.albedo) [default: albedo]
+    #[arg(long, value_enum)]
+    pub kd: Option<KdName>,
 }
 
 impl ModelArgs {
+    /// The model, where flags beat what was there.
+    pub fn over(&self, model: Model) -> Model {
+        Model {
+            smith: self.smith.map_or(model.smith, Into::into),
+            visibility: self.visibility.map_or(model.visibility, Into::into),
+            kd: self.kd.map_or(model.kd, Into::into),
+        }
+    }
+
     /// The model.
     pub fn model(&self) -> Model {
-        Model { smith: self.smith.into(), visibility: self.visibility.into(), kd: self.kd.into() }
+        self.over(Model::default())
+    }
+}
+
+/// Whose shader is to read what is baked.
+#[derive(Debug, Clone, Default, Args)]
+pub struct EngineArgs {
+    /// Bake what this engine reads, see `kiln list engines`; other flags win over it
+    #[arg(long, value_name = "NAME")]
+    engine: Option<String>,
+    /// The engine's own numbers, where they are known to be wrong
+    #[arg(long, requires = "engine")]
+    pub as_shipped: bool,
+}
+
+impl EngineArgs {
+    /// The engine.
+    ///
+    /// **Errors**: an unknown one.
+    pub fn engine(&self) -> Result<Option<&'static Engine>> {
+        self.engine.as_deref().map(engine::find).transpose()
     }
 }
 
@@ -166,6 +197,21 @@ impl IntegrationArgs {
             flags => flags,
         };
         Settings { integrator, tolerance, samples, seed: self.seed.unwrap_or(settings.seed) }
+    }
+}
+
+/// Which code to write beside what is baked.
+#[derive(Debug, Clone, Default, Args)]
+pub struct ShaderArgs {
+    /// Write shader code that looks up what is baked, too: glsl, hlsl, wgsl or several
+    #[arg(long = "shader", value_name = "LANGUAGE", value_delimiter = ',')]
+    languages: Vec<Language>,
+}
+
+impl ShaderArgs {
+    /// The languages, each once.
+    pub fn languages(&self) -> Vec<Language> {
+        Language::ALL.into_iter().filter(|language| self.languages.contains(language)).collect()
     }
 }
 

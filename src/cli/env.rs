@@ -1,28 +1,33 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::{FitName, IntegrationArgs};
+use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
 use kiln::bake::Source;
 use kiln::certificate::{Certificate, Level};
 use kiln::colour::TargetColour;
+use kiln::engine;
 use kiln::environment::spherical_harmonics::IrradianceFit;
-use kiln::environment::{BUILTIN_PREFIX, Fit, InputLayout, InputReport, InstructionSet, Layout, Negatives, NonFinite};
+use kiln::environment::{
+    Fit, InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention,
+    View,
+};
 use kiln::format::FormatSpec;
-use kiln::recipe::EnvironmentRecipe;
+use kiln::language::Language;
+use kiln::recipe::{EnvironmentRecipe, IrradianceKind};
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Prefilter one environment: specular chain, irradiance and spherical harmonics
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json. Orientation: +Y up; a direction d \
+    after_help = "Writes specular.ktx2, irradiance.ktx2 (E/π), sh.json and certificate.json; the extension is that of --format. Orientation: +Y up; a direction d \
                         samples the panorama at u = 1/2 + atan2(d.z, d.x)/2π, v = acos(d.y)/π; faces +X −X +Y −Y +Z −Z."
 )]
 pub struct Env {
-    /// Panorama (.hdr, .exr), cube (.ktx2; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
+    /// Panorama (.hdr, .exr), cube (.ktx2, .ktx, .dds, .env; a cross or a strip; sky_px.hdr, sky_%s.hdr or a folder for six files), or
     /// builtin:NAME, see `kiln list environments`. Of several, each gets a folder of its name, those that are baked already are
     /// skipped, and one that fails does not stop the others
     #[arg(required = true, value_name = "INPUT")]
@@ -36,21 +41,49 @@ pub struct Env {
     /// A quick look: stands for --size 64 --irradiance-size 16
     #[arg(long, conflicts_with_all = ["size", "irradiance_size"])]
     draft: bool,
-    /// Texels along an edge of the specular cube's level 0
-    #[arg(long, value_name = "N", default_value_t = 256)]
-    size: usize,
-    /// Texels along an edge of its last level
-    #[arg(long, value_name = "N", default_value_t = 16)]
-    min_size: usize,
+    #[command(flatten)]
+    engine: EngineArgs,
+    /// Texels along an edge of the specular cube's level 0 [default: 256]
+    #[arg(long, value_name = "N")]
+    size: Option<usize>,
+    /// Texels along an edge of its last level [default: 16]
+    #[arg(long, value_name = "N")]
+    min_size: Option<usize>,
     /// Roughness of each level, each half the size of the one before [default: m/(levels − 1), down to --min-size]
     #[arg(long, value_name = "R", value_delimiter = ',', conflicts_with = "min_size")]
     roughness: Vec<f64>,
-    /// Texels along an edge of the irradiance cube
-    #[arg(long, value_name = "N", default_value_t = 32)]
-    irradiance_size: usize,
-    /// Container and texel format of the cubes
-    #[arg(long, default_value = "ktx2:rgba16f")]
-    format: FormatSpec,
+    /// What the specular levels weigh directions by [default: nol]
+    #[arg(long, value_enum)]
+    kernel: Option<KernelName>,
+    /// Filter for a surface seen at this angle to its normal instead of N = V = R, by Monte Carlo [with --kernel g1]
+    #[arg(long, value_name = "DEGREES")]
+    view_angle: Option<f64>,
+    /// Filter for a surface brushed along the plane of view, by Monte Carlo: αx = α/√(1 − 0.9 a), αy = α √(1 − 0.9 a) [with --kernel g1]
+    #[arg(long, value_name = "A")]
+    anisotropy: Option<f64>,
+    /// Bands of spherical harmonics in sh.json, up to 10: more than 3 stand beside the nine coefficients
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    sh_bands: usize,
+    /// How diffuse light is written [default: cube]
+    #[arg(long, value_enum)]
+    irradiance: Option<IrradianceName>,
+    /// Texels along an edge of the irradiance cube [default: 32]
+    #[arg(long, value_name = "N")]
+    irradiance_size: Option<usize>,
+    /// Container and texel format of the cubes, such as ktx2:rgb9e5+zstd, dds:bc6h, ktx1:b10g11r11, env: see `kiln list formats`
+    /// [default: ktx2:rgba16f]
+    #[arg(long)]
+    format: Option<FormatSpec>,
+    /// The same of the irradiance cube [default: that of --format]
+    #[arg(long, value_name = "FORMAT")]
+    irradiance_format: Option<FormatSpec>,
+    /// Which way the cubes are turned: the world's x, y, z in terms of the vector that the shader looks up, such as x,y,-z where it
+    /// negates Z [default: x,y,z]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    orientation: Option<Orientation>,
+    /// Whose nine coefficients sh.json has beside Kiln's own [default: kiln]
+    #[arg(long, value_enum)]
+    sh: Option<ShName>,
     /// What the input is read as
     #[arg(long, value_enum, default_value = "auto", value_name = "LAYOUT")]
     input_layout: InputLayoutName,
@@ -70,6 +103,8 @@ pub struct Env {
     integration: IntegrationArgs,
     #[command(flatten)]
     adjust: AdjustArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -84,6 +119,42 @@ enum InputLayoutName {
     Strip,
     /// A cube texture or six files
     Cube,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum IrradianceName {
+    /// A cube of E/π
+    Cube,
+    /// Nine coefficients alone
+    Sh,
+    /// The last specular level, of roughness 1, serves for it
+    LastLevel,
+    /// Not at all
+    None,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ShName {
+    /// None but Kiln's
+    Kiln,
+    /// Filament's, all factors multiplied in
+    Filament,
+    /// Babylon.js' spherical polynomial
+    Babylon,
+    /// three.js' SphericalHarmonics3
+    Threejs,
+    /// PlayCanvas' ambientSH
+    Playcanvas,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum KernelName {
+    /// GGX times N·L: what most real-time engines' filters converge to
+    Nol,
+    /// GGX times Smith's masking: the BRDF at N = V, as MaterialX filters
+    G1,
+    /// Charlie times N·L: sheen
+    Charlie,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -115,13 +186,14 @@ enum NegativesName {
 impl Env {
     pub fn run(&self, console: &Console) -> Result<()> {
         if let [input] = &self.inputs[..] {
-            let certificate = bake_environment(&self.recipe(input), &self.out, console)?;
+            let recipe = self.recipe(input, console)?;
+            let certificate = bake_environment(&recipe, &self.out, &self.shader.languages(), console)?;
             return if console.json { console.print_json(&certificate) } else { Ok(()) };
         }
         let names = names(&self.inputs)?;
         let (mut certificates, mut failed) = (vec![], 0_usize);
         for (input, name) in self.inputs.iter().zip(names) {
-            let mut recipe = self.recipe(input);
+            let mut recipe = self.recipe(input, console)?;
             recipe.directory = name;
             recipe.check()?;
             let target = self.out.join(&recipe.directory);
@@ -130,7 +202,7 @@ impl Env {
                     console.note(&format!("{}: unchanged", target.display()));
                     certificates.push(certificate);
                 }
-                None => match bake_environment(&recipe, &self.out, console) {
+                None => match bake_environment(&recipe, &self.out, &self.shader.languages(), console) {
                     Ok(certificate) => certificates.push(certificate),
                     Err(error) => {
                         console.error(&error);
@@ -151,13 +223,65 @@ impl Env {
         Ok(())
     }
 
-    fn recipe(&self, input: &str) -> EnvironmentRecipe {
-        let mut recipe = EnvironmentRecipe::new(input);
-        (recipe.size, recipe.irradiance_size) =
-            if self.draft { (DRAFT_SIZE, DRAFT_SIZE / 4) } else { (self.size, self.irradiance_size) };
-        recipe.min_size = self.min_size;
-        recipe.roughness = (!self.roughness.is_empty()).then(|| self.roughness.clone());
-        recipe.format = self.format;
+    /// The preset's recipe or the usual one, where flags beat what was there.
+    fn recipe(&self, input: &str, console: &Console) -> Result<EnvironmentRecipe> {
+        let (engine, as_shipped) = (self.engine.engine()?, self.engine.as_shipped);
+        let mut recipe = match engine {
+            None => EnvironmentRecipe::new(input),
+            Some(engine) => engine.environment_recipe(input, as_shipped)?.ok_or_else(|| {
+                Error::usage(
+                    format!("{} reads no filtered environment", engine.name),
+                    "leave --engine out, or see `kiln list engines`",
+                )
+            })?,
+        };
+        let draft = |size: usize| self.draft.then_some(size);
+        if let Some(size) = draft(DRAFT_SIZE).or(self.size) {
+            recipe.size = size;
+            let preset = engine.and_then(|engine| engine.environment.as_ref());
+            recipe.roughness = preset.map(|preset| preset.level_roughness(size, as_shipped));
+        }
+        if let Some(size) = draft(DRAFT_SIZE / 4).or(self.irradiance_size) {
+            recipe.irradiance_size = size;
+        }
+        if let Some(size) = self.min_size {
+            (recipe.min_size, recipe.roughness) = (size, None);
+        }
+        if !self.roughness.is_empty() {
+            recipe.roughness = Some(self.roughness.clone());
+        }
+        if let Some(format) = self.format {
+            (recipe.format, recipe.irradiance_format) = (format, None);
+            (recipe.specular_file, recipe.irradiance_file) = (None, None);
+        }
+        recipe.irradiance_format = self.irradiance_format.or(recipe.irradiance_format);
+        recipe.orientation = self.orientation.unwrap_or(recipe.orientation);
+        recipe.irradiance = match self.irradiance {
+            None => recipe.irradiance,
+            Some(IrradianceName::Cube) => IrradianceKind::Cube,
+            Some(IrradianceName::Sh) => IrradianceKind::Sh,
+            Some(IrradianceName::LastLevel) => IrradianceKind::LastLevel,
+            Some(IrradianceName::None) => IrradianceKind::None,
+        };
+        recipe.sh = match self.sh {
+            None => recipe.sh,
+            Some(ShName::Kiln) => ShConvention::Kiln,
+            Some(ShName::Filament) => ShConvention::Filament,
+            Some(ShName::Babylon) => ShConvention::Babylon,
+            Some(ShName::Threejs) => ShConvention::Threejs,
+            Some(ShName::Playcanvas) => ShConvention::Playcanvas,
+        };
+        recipe.kernel = match self.kernel {
+            None => recipe.kernel,
+            Some(KernelName::Nol) => KernelKind::Nol,
+            Some(KernelName::G1) => KernelKind::G1,
+            Some(KernelName::Charlie) => KernelKind::Charlie,
+        };
+        if self.view_angle.is_some() || self.anisotropy.is_some() {
+            let [angle, anisotropy] = [self.view_angle, self.anisotropy].map(|v| v.unwrap_or(0.0));
+            recipe.view = Some(View { angle, anisotropy });
+        }
+        recipe.sh_bands = self.sh_bands;
         recipe.input_layout = match self.input_layout {
             InputLayoutName::Auto => InputLayout::Auto,
             InputLayoutName::Panorama => InputLayout::Panorama,
@@ -181,7 +305,12 @@ impl Env {
         recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
         recipe.adjust = self.adjust.adjustment();
-        recipe
+        if let Some(engine) = engine {
+            for departure in engine.environment_departures(&recipe, as_shipped)? {
+                console.warn(&departure);
+            }
+        }
+        Ok(recipe)
     }
 
     /// The certificate of what is in `target`, if it is what the recipe would write there again.
@@ -205,13 +334,7 @@ const DRAFT_SIZE: usize = 64;
 fn names(inputs: &[String]) -> Result<Vec<String>> {
     let mut names: Vec<String> = vec![];
     for input in inputs {
-        let name = match input.strip_prefix(BUILTIN_PREFIX) {
-            Some(name) => Some(name.to_owned()),
-            None => Path::new(input).file_stem().and_then(|n| n.to_str()).map(str::to_owned),
-        };
-        let name = name.filter(|n| !n.is_empty()).ok_or_else(|| {
-            Error::usage(format!("{input:?} has no name for its folder"), "bake it alone, or rename the file")
-        })?;
+        let name = engine::name_of(input)?;
         if let Some(other) = names.iter().position(|n| *n == name) {
             return Err(Error::usage(
                 format!("{} and {input} would both be written to {name}/", inputs[other]),
@@ -223,8 +346,13 @@ fn names(inputs: &[String]) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Bakes an environment below `folder`, and says what became of it.
-pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes an environment below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_environment(
+    recipe: &EnvironmentRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     recipe.check()?;
     // Before minutes of work, not after: whether the folder can be written to.
     let target = folder.join(&recipe.directory);
@@ -245,7 +373,8 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
     let bar = console.progress(kiln::bake::environment_texels(recipe), &recipe.input);
     let baked = kiln::bake::environment(recipe, &source, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     baked.write(folder)?;
     let levels: Vec<String> = baked
         .certificate
@@ -270,6 +399,11 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
             percent(&fits.projected),
             percent(&fits.nonnegative)
         ));
+        if let Some(fit) = &fits.bands {
+            let lowest = if fit.min < 0.0 { ", below zero somewhere" } else { "" };
+            let count = recipe.sh_bands * recipe.sh_bands;
+            console.note(&format!("in {count} coefficients: off by {} RMS{lowest}", percent(fit)));
+        }
     }
     console.note(&format!(
         "{}{with}: {}; {} checks passed",
@@ -277,7 +411,7 @@ pub fn bake_environment(recipe: &EnvironmentRecipe, folder: &Path, console: &Con
         levels.join(", "),
         baked.certificate.checks.len()
     ));
-    warn_of_packing(console, &target.display().to_string(), &baked.certificate.packing);
+    warn_of_packing(console, &target.display().to_string(), recipe.cube_format()?, &baked.certificate.packing);
     Ok(baked.certificate)
 }
 

@@ -2,6 +2,7 @@
 
 use super::arguments::{IntegrationArgs, ModelArgs, ParameterArgs};
 use super::console::{Console, columns};
+use super::furnace;
 use clap::Args;
 use kiln::integrate::{Estimate, Integration, Integrator, Settings};
 use kiln::material::{self, Part};
@@ -130,11 +131,19 @@ impl Eval {
         }
         let given = self.parameters.given.iter().map(|(parameter, value)| format!("{parameter} {value}"));
         let parameters: Vec<String> = self.material.clone().into_iter().chain(given).collect();
-        let mut text = format!("{} at {} ({} Smith)\n", self.quantity, parameters.join(", "), model.smith.name());
+        let choices: Vec<String> = handles.first().map_or_else(Vec::new, |h| model.choices_of(h.quantity));
+        let choices = if choices.is_empty() { String::new() } else { format!(" ({})", choices.join(", ")) };
+        let mut text = format!("{} at {}{choices}\n", self.quantity, parameters.join(", "));
         if let [handle] = handles {
             text += &format!("{}\n", handle.quantity.definition);
         }
-        console.print(&(text + "\n" + &table(&rows)))
+        text = text + "\n" + &table(&rows);
+        if let ([handle], [place]) = (handles, &places[..])
+            && handle.quantity.depends_on_kd()
+        {
+            text += &furnace::table(*handle, &place.point, model, settings)?;
+        }
+        console.print(&text)
     }
 
     /// Who computes, and how: a person reads both answers, unless one was asked for or there is nothing to integrate.

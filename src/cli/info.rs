@@ -6,7 +6,7 @@ use clap::Args;
 use kiln::bake::SunFile;
 use kiln::certificate::{self, Certificate, Level};
 use kiln::environment::{Negatives, NonFinite, Panorama, Photometry, Unit, extract_sun};
-use kiln::format::{FileKind, Image, Texture, decode_image, exr, ktx2};
+use kiln::format::{Array, Decoded, FileKind, Image, Texture, decode};
 use kiln::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Say what a file is: size, format, values, and where it came from
 #[derive(Debug, Args)]
 pub struct Info {
-    /// An .exr, .hdr or .ktx2
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
     #[arg(required = true)]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -32,6 +32,7 @@ struct Facts {
     width: usize,
     height: usize,
     depth: usize,
+    layers: usize,
     faces: usize,
     levels: usize,
     channels: Vec<Range>,
@@ -80,11 +81,11 @@ impl Info {
 
 fn facts(path: &Path, unit: Unit) -> Result<Facts> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-    let mut facts = match FileKind::of(&bytes) {
-        FileKind::Ktx2 => of_texture(path, ktx2::decode(&bytes)?),
-        FileKind::Exr => of_image(path, "OpenEXR", exr::decode(&bytes)?, unit),
-        // Everything else that can be read is a Radiance HDR; the reader says so if it is neither.
-        _ => of_image(path, "Radiance HDR", decode_image(&bytes)?, unit),
+    let kind = FileKind::of(&bytes).name();
+    let mut facts = match decode(&bytes)? {
+        Decoded::Picture(image, _) => of_image(path, kind, image, unit),
+        Decoded::Texture(texture) => of_texture(path, kind, texture),
+        Decoded::Array(array) => of_array(path, kind, array),
     };
     let text = facts.metadata.iter().position(|(key, _)| key == certificate::KEY).map(|i| facts.metadata.remove(i).1);
     facts.certificate = text.map(|t| Certificate::from_json(&t)).transpose()?;
@@ -100,6 +101,7 @@ fn of_image(path: &Path, kind: &str, image: Image, unit: Unit) -> Facts {
         width: image.width,
         height: image.height,
         depth: 1,
+        layers: 1,
         faces: 1,
         levels: 1,
         channels,
@@ -119,22 +121,46 @@ fn of_panorama(panorama: &Panorama, unit: Unit) -> PanoramaFacts {
     PanoramaFacts { light: Photometry::of(panorama, unit), sun }
 }
 
-fn of_texture(path: &Path, texture: Texture) -> Facts {
+fn of_texture(path: &Path, kind: &str, texture: Texture) -> Facts {
     let n = texture.format.channels();
     let names = texture.channel_names();
     let values: Vec<f32> = (0..texture.layers(0)).filter_map(|face| texture.face(0, face)).flatten().collect();
     Facts {
         file: path.to_owned(),
-        kind: format!("KTX2 {}", texture.format),
+        kind: format!("{kind} {}", texture.format),
         width: texture.width,
         height: texture.height,
         depth: texture.depth.max(1),
+        layers: texture.array_layers.max(1),
         faces: texture.faces,
         levels: texture.levels.len(),
         channels: ranges(&names, &values, n),
         primaries: Some(texture.primaries.to_string()),
         panorama: None,
         metadata: texture.metadata,
+        certificate: None,
+    }
+}
+
+fn of_array(path: &Path, kind: &str, array: Array) -> Facts {
+    let [width, height, depth, n] = array.extent();
+    let name = |c: usize| array.channels.get(c).cloned().unwrap_or_else(|| c.to_string());
+    let names: Vec<String> = (0..n).map(name).collect();
+    let values: Vec<f32> = array.values.iter().map(|&v| v as f32).collect();
+    let number = array.number.map_or_else(String::new, |number| format!(" {number}"));
+    Facts {
+        file: path.to_owned(),
+        kind: format!("{kind}{number}"),
+        width,
+        height,
+        depth,
+        layers: 1,
+        faces: 1,
+        levels: 1,
+        channels: ranges(&names, &values, n.max(1)),
+        primaries: None,
+        panorama: None,
+        metadata: array.metadata,
         certificate: None,
     }
 }
@@ -159,6 +185,9 @@ fn text(facts: &Facts) -> String {
     let mut text = format!("{}: {}, {} × {}", facts.file.display(), facts.kind, facts.width, facts.height);
     if facts.depth > 1 {
         text += &format!(" × {}", facts.depth);
+    }
+    if facts.layers > 1 {
+        text += &format!(", {} layers", facts.layers);
     }
     if facts.faces > 1 {
         text += &format!(", {} faces", facts.faces);

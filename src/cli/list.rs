@@ -9,7 +9,7 @@ use kiln::material::{self, MATERIALS, Material, Part};
 use kiln::table::{Axis, Parameter, Point, named, quantity};
 use serde::Serialize;
 
-/// List tables, quantities, materials, formats or environments
+/// List tables, quantities, materials, engines, formats or environments
 #[derive(Debug, Args)]
 pub struct List {
     /// What to list
@@ -25,6 +25,8 @@ enum What {
     Quantities,
     /// Reflectances at normal incidence, to be named by `kiln eval --material`
     Materials,
+    /// Engines, and the flags that each of them stands for
+    Engines,
     /// Containers and number formats
     Formats,
     /// Built-in environments
@@ -56,6 +58,7 @@ impl List {
             What::Tables => tables(console),
             What::Quantities => quantities(console),
             What::Materials => materials(console),
+            What::Engines => super::engines::list(console),
             What::Formats => formats(console),
             What::Environments => environments(console),
         }

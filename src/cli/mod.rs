@@ -7,13 +7,19 @@ mod arguments;
 mod bake;
 mod chain;
 mod compare;
+mod completions;
 mod console;
+mod convert;
+mod engines;
 mod env;
 mod eval;
 mod foreign;
+mod furnace;
 mod identify;
 mod info;
 mod list;
+mod man;
+mod shader;
 mod show;
 mod table;
 mod verify;
@@ -57,7 +63,11 @@ enum Verb {
     Compare(compare::Compare),
     Info(info::Info),
     Show(show::Show),
+    Shader(shader::Shader),
+    Convert(convert::Convert),
     List(list::List),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 /// Parses the arguments, does what they say, and reports.
@@ -84,7 +94,11 @@ fn dispatch(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Compare(verb) => verb.run(console),
         Verb::Info(verb) => verb.run(console),
         Verb::Show(verb) => verb.run(console),
+        Verb::Shader(verb) => verb.run(console),
+        Verb::Convert(verb) => verb.run(console),
         Verb::List(verb) => verb.run(console),
+        Verb::Completions(verb) => verb.run(console),
+        Verb::Man(verb) => verb.run(console),
     }
 }
 

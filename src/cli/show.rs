@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use clap::Args;
-use kiln::format::{FileKind, atomic, decode_image, exr, ktx2};
+use kiln::format::{Decoded, atomic, decode};
 use kiln::report::{self, Preview};
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Draw a preview of a table, panorama or cube as PNG, to look at
 #[derive(Debug, Args)]
 pub struct Show {
-    /// An .exr, .hdr or .ktx2
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
     file: PathBuf,
     /// PNG file to write
     #[arg(long, short, value_name = "FILE.png")]
@@ -30,24 +30,27 @@ impl Show {
 
     fn preview(&self, path: &Path) -> Result<Preview> {
         let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-        match FileKind::of(&bytes) {
-            FileKind::Ktx2 => {
-                let texture = ktx2::decode(&bytes)?;
-                if texture.faces == 6 {
-                    return report::cube(&texture, self.exposure);
-                }
+        match decode(&bytes)? {
+            Decoded::Texture(texture) if texture.faces == 6 => report::cube(&texture, self.exposure),
+            Decoded::Texture(texture) => {
                 let slices: Vec<Vec<f32>> = (0..texture.layers(0)).filter_map(|z| texture.face(0, z)).collect();
                 Ok(report::table(texture.width, texture.height, texture.format.channels(), &slices))
             }
-            FileKind::Exr => {
-                let image = exr::decode(&bytes)?;
-                // What has colour is radiance; what has not is a table.
-                match report::panorama(&image, self.exposure) {
-                    Ok(preview) => Ok(preview),
-                    Err(_) => Ok(report::table(image.width, image.height, image.channels.len(), &[image.texels])),
+            // What has colour is radiance; what has not is a table.
+            Decoded::Picture(image, _) => match report::panorama(&image, self.exposure) {
+                Ok(preview) => Ok(preview),
+                Err(_) => Ok(report::table(image.width, image.height, image.channels.len(), &[image.texels])),
+            },
+            Decoded::Array(array) => {
+                let [width, height, _, channels] = array.extent();
+                if array.values.is_empty() {
+                    return Err(Error::unsupported("an array of nothing", "show another"));
                 }
+                let values: Vec<f32> = array.values.iter().map(|&v| v as f32).collect();
+                let slices: Vec<Vec<f32>> =
+                    values.chunks_exact(width * height * channels).map(<[f32]>::to_vec).collect();
+                Ok(report::table(width, height, channels, &slices))
             }
-            _ => report::panorama(&decode_image(&bytes)?, self.exposure),
         }
     }
 }

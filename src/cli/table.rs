@@ -1,11 +1,13 @@
 //! `kiln table`: one table.
 
-use super::arguments::{FitName, IntegrationArgs, ModelArgs, ParameterArgs};
+use super::arguments::{EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
 use kiln::format::{Container, FormatSpec};
+use kiln::language::Language;
 use kiln::math::warp::Warp;
+use kiln::pack::{PackReport, TexelFormat};
 use kiln::recipe::TableRecipe;
 use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
@@ -29,13 +31,15 @@ static AFTER_HELP: LazyLock<String> = LazyLock::new(|| {
 pub struct Table {
     /// Which table: see `kiln list tables`
     name: String,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// File to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Texels along the axes, such as 64x64 or 16x16x16
     #[arg(long, value_name = "WxHxD")]
     size: Option<String>,
-    /// Container and number format, such as exr:f32, ktx2:rg16f [default: by the file's extension]
+    /// Container and number format, such as exr:f32, ktx2:rg16f: see `kiln list formats` [default: by the file's extension]
     #[arg(long)]
     format: Option<FormatSpec>,
     /// Axes, one to three, x first
@@ -44,7 +48,7 @@ pub struct Table {
     /// What texels are chosen for
     #[arg(long, value_enum, default_value = "none")]
     fit: FitName,
-    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume in a KTX2, slices in an EXR]
+    /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume where the format has it, slices in an EXR, else atlas]
     #[arg(long)]
     layout: Option<Layout>,
     /// Quantities, one per channel, instead of the table's own: see `kiln list quantities`
@@ -56,31 +60,52 @@ pub struct Table {
     parameters: ParameterArgs,
     #[command(flatten)]
     integration: IntegrationArgs,
+    #[command(flatten)]
+    shader: ShaderArgs,
 }
 
 impl Table {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let (recipe, folder) = self.recipe()?;
-        let certificate = bake_table(&recipe, &folder, console)?;
+        let (recipe, folder) = self.recipe(console)?;
+        let certificate = bake_table(&recipe, &folder, &self.shader.languages(), console)?;
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
-    fn recipe(&self) -> Result<(TableRecipe, PathBuf)> {
-        let n_channels = match self.channels.len() {
-            0 => named::find(&self.name)?.channels.len(),
-            n => n,
+    fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
+        let preset = match self.engine.engine()? {
+            Some(engine) => Some((engine, engine.table(&self.name)?)),
+            None => None,
         };
-        let format = self.format(n_channels)?;
-        let mut recipe = TableRecipe::named(&self.name, format)?;
+        let mut recipe = match preset {
+            Some((_, table)) => {
+                let recipe = table.recipe(self.engine.as_shipped)?;
+                let own =
+                    self.format.is_none() && self.output.extension().is_some_and(|e| e == recipe.format.extension());
+                let format = if own { recipe.format } else { self.format(recipe.channels.len())? };
+                TableRecipe { format, ..recipe }
+            }
+            None => {
+                let n_channels = match self.channels.len() {
+                    0 => named::find(&self.name)?.channels.len(),
+                    n => n,
+                };
+                TableRecipe::named(&self.name, self.format(n_channels)?)?
+            }
+        };
         if !self.channels.is_empty() {
             recipe.channels.clone_from(&self.channels);
         }
         recipe.axes = self.axes(&recipe.axes)?;
-        recipe.model = self.model.model();
+        recipe.model = self.model.over(recipe.model);
         recipe.at = self.point(&recipe)?;
-        recipe.layout = self.layout;
+        recipe.layout = self.layout.or(recipe.layout);
         recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
+        if let Some((engine, table)) = preset {
+            for departure in engine.table_departures(table, &recipe, self.engine.as_shipped)? {
+                console.warn(&departure);
+            }
+        }
         let name = self.output.file_name().and_then(|n| n.to_str()).ok_or_else(|| {
             Error::usage(format!("{} names no file", self.output.display()), "give a file name such as -o dfg.ktx2")
         })?;
@@ -160,21 +185,27 @@ fn parse_size(text: &str) -> Result<Vec<usize>> {
         .collect()
 }
 
-/// Bakes a table below `folder`, and says what became of it.
-pub fn bake_table(recipe: &TableRecipe, folder: &Path, console: &Console) -> Result<Certificate> {
+/// Bakes a table below `folder`, with code in `languages`, and says what became of it.
+pub fn bake_table(
+    recipe: &TableRecipe,
+    folder: &Path,
+    languages: &[Language],
+    console: &Console,
+) -> Result<Certificate> {
     let spec = recipe.spec()?;
     spec.check()?;
     let bar = console.progress(spec.len() as u64, &recipe.file);
     let baked = kiln::bake::table(recipe, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let baked = baked?;
+    let mut baked = baked?;
+    baked.add_shader(languages)?;
     let paths = baked.write(folder)?;
-    report(console, &baked.certificate, &paths);
+    report(console, &baked.certificate, recipe.texel_format()?, &paths);
     Ok(baked.certificate)
 }
 
 /// Says what was written and how wrong it may be.
-fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
+fn report(console: &Console, certificate: &Certificate, format: TexelFormat, paths: &[PathBuf]) {
     let Some(path) = paths.first() else { return };
     let errors: Vec<String> = certificate
         .channels
@@ -188,15 +219,22 @@ fn report(console: &Console, certificate: &Certificate, paths: &[PathBuf]) {
         let fate = if fit.kept { "" } else { "; exact texels are kept" };
         console.note(&format!("{channel} through bilinear filtering: RMS {rms}, at most {max}{fate}"));
     }
-    warn_of_packing(console, &path.display().to_string(), &certificate.packing);
+    warn_of_packing(console, &path.display().to_string(), format, &certificate.packing);
 }
 
 /// Says what packing had to change.
-pub fn warn_of_packing(console: &Console, what: &str, packing: &kiln::pack::PackReport) {
+pub fn warn_of_packing(console: &Console, what: &str, format: TexelFormat, packing: &PackReport) {
     if packing.overflowed > 0 {
         console.warn(&format!(
-            "{what}: {} values beyond the largest half float, 65504, were clamped to it; use an f32 format to keep them",
-            packing.overflowed
+            "{what}: {} values beyond the largest that {format} holds, {}, were clamped to it; use an f32 format to keep them",
+            packing.overflowed,
+            format.largest(0)
+        ));
+    }
+    if packing.negative > 0 && !format.is_signed() {
+        console.warn(&format!(
+            "{what}: {} values below zero are 0 in {format}, which has no sign; use rgba16f to keep them",
+            packing.negative
         ));
     }
 }

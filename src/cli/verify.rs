@@ -40,7 +40,7 @@ pub struct Verify {
 
 impl Verify {
     pub fn run(&self, console: &Console) -> Result<()> {
-        if let Some(bad) = self.max_error.filter(|e| !(*e >= 0.0)) {
+        if let Some(bad) = self.max_error.filter(|e| e.is_nan() || *e < 0.0) {
             return Err(Error::usage(format!("--max-error {bad} is no error"), "give a number such as 1e-3"));
         }
         if self.chain.source.is_some() {
@@ -57,7 +57,7 @@ impl Verify {
         for path in &self.files {
             paths.extend(files_of(path)?);
         }
-        let (mut reports, mut failed, mut first_error, mut errors) = (vec![], 0, None, vec![]);
+        let (mut reports, mut failed, mut errors) = (vec![], 0, vec![]);
         for path in &paths {
             // One file that cannot be judged does not keep the others from being judged.
             match file_as(path, &described, said.as_ref(), options) {
@@ -69,12 +69,8 @@ impl Verify {
                     reports.push(report);
                 }
                 Err(error) => {
-                    if first_error.is_some() || paths.len() > 1 {
+                    if paths.len() > 1 {
                         console.error(&error);
-                    }
-                    match first_error {
-                        None => first_error = Some(path.clone()),
-                        Some(_) => {}
                     }
                     errors.push((path.clone(), error));
                 }

@@ -6,27 +6,27 @@
 //! Meridians have dφ = 0 and contribute nothing. Each edge is integrated once for the two texels that share it, so no
 //! flux is lost or counted twice. The −Y face is the +Y face of the panorama mirrored in y.
 
+use std::f64::consts::{PI, TAU};
+
 use rayon::prelude::*;
 
 use super::cube::{Cube, edge, solid_angles};
-use super::overlap::{CENTRES, Circle, Grid, cap_rows, top_circle};
+use super::overlap::{CENTRES, Circle, Grid, Part, cap_rows, top_circle};
 use super::panorama::Panorama;
 
 /// The panorama averaged over the exact solid angle of each texel of a cube of this size. A constant panorama comes out
 /// as exactly its constant, and the flux is conserved to rounding.
 pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
     let mean = panorama.mean();
-    let all_rows = Wedges::new(panorama, mean, panorama.height(), false);
-    let south = Wedges::new(panorama, mean, cap_rows(panorama.height()), true);
-
     let angles = solid_angles(size);
-    let faces: Vec<Vec<[f64; 3]>> = (0..6)
-        .map(|face| match face {
-            2 => top_face(&all_rows, size),
-            3 => flip_rows(top_face(&south, size), size),
-            side => side_face(&all_rows, size, CENTRES[side]),
-        })
-        .collect();
+    // The faces at the side reach 45° below the equator. One set of wedges at a time: they are larger than the panorama.
+    let height = panorama.height();
+    let north = Wedges::new(panorama, mean, (3 * height / 4 + 2).min(height), false);
+    let ([right, left, front, back], top) = (side_faces(&north, size), top_face(&north, size));
+    drop(north);
+    let south = Wedges::new(panorama, mean, cap_rows(height), true);
+    let bottom = flip_rows(top_face(&south, size), size);
+    let faces = [right, left, top, bottom, front, back];
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());
@@ -37,38 +37,108 @@ pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
     Cube { size, texels }
 }
 
-/// Integrals over the texels of a face beside the equator, seen from the azimuth `centre`.
-fn side_face(wedges: &Wedges, size: usize, centre: f64) -> Vec<[f64; 3]> {
+/// Integrals over the texels of the faces beside the equator: +X, −X, +Z, −Z.
+fn side_faces(wedges: &Wedges, size: usize) -> [Vec<[f64; 3]>; 4] {
     // The rows of texels end at circles of constant v; the columns at meridians. φ falls as u grows.
-    let lines: Vec<Vec<[f64; 3]>> = (0..=size)
-        .into_par_iter()
-        .map(|k| wedges.along_line(&Circle { a: -edge(size, k), b: 1.0, centre }, -1.0, size))
-        .collect();
+    let lines = by_symmetry(
+        wedges,
+        size,
+        |v| Some((v, 1.0)),
+        |arc, v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0)),
+    );
     let texel = |i: usize| (i / size, i % size);
-    (0..size * size).map(texel).map(|(row, column)| subtract(lines[row][column], lines[row + 1][column])).collect()
+    std::array::from_fn(|face| {
+        let at = |(row, column): (usize, usize)| subtract(lines[row][face][column], lines[row + 1][face][column]);
+        (0..size * size).map(texel).map(at).collect()
+    })
 }
 
 /// Integrals over the texels of the face around the pole that the wedges start from.
 fn top_face(wedges: &Wedges, size: usize) -> Vec<[f64; 3]> {
-    let line = |t: f64, along_v: bool| match top_circle(t, along_v) {
-        Some((circle, turn)) => wedges.along_line(&circle, turn, size),
-        None => vec![[0.0; 3]; size],
+    let lines = by_symmetry(
+        wedges,
+        size,
+        |t| (t > 0.0).then_some((1.0, t)),
+        |arc, t| {
+            [true, false].map(|along_v| match top_circle(t, along_v) {
+                Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
+                None => vec![[0.0; 3]; size],
+            })
+        },
+    );
+    let texel = |i: usize| {
+        let (row, column) = (i / size, i % size);
+        let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
+        let down = subtract(lines[row][1][column], lines[row + 1][1][column]);
+        std::array::from_fn(|c| across[c] + down[c])
     };
-    let (along_v, along_u): (Vec<_>, Vec<_>) = (0..=size)
-        .into_par_iter()
-        .map(|k| {
-            let t = edge(size, k);
-            (line(t, true), line(t, false))
-        })
-        .unzip();
-    (0..size * size)
-        .map(|i| (i / size, i % size))
-        .map(|(row, column)| {
-            let across = subtract(along_v[column + 1][row], along_v[column][row]);
-            let down = subtract(along_u[row][column], along_u[row + 1][column]);
-            std::array::from_fn(|c| across[c] + down[c])
-        })
-        .collect()
+    (0..size * size).map(texel).collect()
+}
+
+/// What `lines` makes of every line between texels, in their order. Lines at ±t are halves of one circle, `circle` (its a and b) of t ≥ 0;
+/// the arcs along it are walked once for both.
+fn by_symmetry<T: Send>(
+    wedges: &Wedges,
+    size: usize,
+    circle: impl Fn(f64) -> Option<(f64, f64)> + Sync,
+    lines: impl Fn(&Arc, f64) -> T + Sync,
+) -> Vec<T> {
+    let pair = |k: usize| {
+        let t = edge(size, k);
+        let arc = Arc::new(&wedges.grid, circle(t), size);
+        (lines(&arc, -t), (t > 0.0).then(|| lines(&arc, t)))
+    };
+    let pairs: Vec<(T, Option<T>)> = (size.div_ceil(2)..=size).into_par_iter().map(pair).collect();
+    let (low, high): (Vec<T>, Vec<Option<T>>) = pairs.into_iter().unzip();
+    low.into_iter().rev().chain(high.into_iter().flatten()).collect()
+}
+
+/// The texels that half of a grid line crosses, from its middle outwards; the other half is its mirror image, and so are those of the
+/// other faces, as far as the panorama's columns are.
+struct Arc {
+    size: usize,
+    /// a and b of its circle; none for a meridian.
+    circle: Option<(f64, f64)>,
+    /// The piece of the line, and what a texel holds of it, columns counted from the middle; nothing if columns have no such symmetry.
+    parts: Option<Vec<(usize, Part)>>,
+}
+
+impl Arc {
+    fn new(grid: &Grid, circle: Option<(f64, f64)>, size: usize) -> Self {
+        let symmetric = grid.width().is_multiple_of(4);
+        let parts = circle.filter(|_| symmetric).map(|(a, b)| {
+            let mut parts = vec![];
+            grid.along_half(&Circle { a, b, centre: -PI }, size, |piece, part| parts.push((piece, part)));
+            parts
+        });
+        Self { size, circle, parts }
+    }
+
+    /// ∫ P dφ along each of the pieces of the line about the azimuth `centre`, or of its mirror image below the equator.
+    fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Vec<[f64; 3]> {
+        let mut sums = vec![[0.0; 3]; self.size];
+        let Some((a, b)) = self.circle else { return sums };
+        let width = wedges.grid.width();
+        let Some(parts) = &self.parts else {
+            let circle = Circle { a: if below { -a } else { a }, b, centre };
+            wedges.grid.along_line(&circle, turn, self.size, |piece, part| wedges.add(part, &mut sums[piece]));
+            return sums;
+        };
+        // Exact: azimuths of faces are quarters of a turn.
+        let middle = ((centre + PI) / TAU * width as f64).round() as usize;
+        for &(piece, part) in parts {
+            let (row, depth) = match below {
+                true => (wedges.grid.height() - 1 - part.row, part.length - part.depth),
+                false => (part.row, part.depth),
+            };
+            let outwards = [(middle + part.column) % width, (middle + width - 1 - part.column) % width];
+            let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
+            let part = |column: usize| Part { column, row, length: turn * part.length, depth: turn * depth };
+            wedges.add(part(right), &mut sums[piece]);
+            wedges.add(part(left), &mut sums[self.size - 1 - piece]);
+        }
+        sums
+    }
 }
 
 fn flip_rows(face: Vec<[f64; 3]>, size: usize) -> Vec<[f64; 3]> {
@@ -92,30 +162,47 @@ impl Wedges {
     fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let grid = Grid::new(width, panorama.row_edges(), rows);
+        // Each band of rows from zero, on any thread; then what all bands above come to is added.
+        const BAND: usize = 64;
         let mut prefix = vec![[0.0; 3]; (rows + 1) * width];
-        for row in 0..rows {
-            let texels = panorama.row(if mirrored { height - 1 - row } else { row });
-            let (above, below) = prefix[row * width..(row + 2) * width].split_at_mut(width);
-            for ((below, above), texel) in below.iter_mut().zip(above).zip(texels) {
-                for c in 0..3 {
-                    below[c] = above[c] + (f64::from(texel[c]) - mean[c]) * grid.row_height(row);
+        prefix[width..].par_chunks_mut(BAND * width).enumerate().for_each(|(band, lines)| {
+            let mut above = vec![[0.0; 3]; width];
+            for (row, line) in (band * BAND..).zip(lines.chunks_exact_mut(width)) {
+                let texels = panorama.row(if mirrored { height - 1 - row } else { row });
+                for ((below, above), texel) in line.iter_mut().zip(&mut above).zip(texels) {
+                    for c in 0..3 {
+                        above[c] += (f64::from(texel[c]) - mean[c]) * grid.row_height(row);
+                    }
+                    *below = *above;
                 }
             }
-        }
+        });
+        let mut above = vec![[0.0; 3]; width];
+        let bases: Vec<Vec<[f64; 3]>> = prefix[width..]
+            .chunks(BAND * width)
+            .map(|lines| {
+                let base = above.clone();
+                let last = &lines[lines.len() - width..];
+                above.iter_mut().zip(last).for_each(|(a, l)| (0..3).for_each(|c| a[c] += l[c]));
+                base
+            })
+            .collect();
+        prefix[width..].par_chunks_mut(BAND * width).zip(bases).skip(1).for_each(|(lines, base)| {
+            for line in lines.chunks_exact_mut(width) {
+                line.iter_mut().zip(&base).for_each(|(l, b)| (0..3).for_each(|c| l[c] += b[c]));
+            }
+        });
         Self { grid, prefix }
     }
 
-    /// ∫ P dφ along each of the `size` pieces of a grid line.
-    fn along_line(&self, circle: &Circle, turn: f64, size: usize) -> Vec<[f64; 3]> {
-        let mut sums = vec![[0.0; 3]; size];
-        self.grid.along_line(circle, turn, size, |piece, part| {
-            let index = part.row * self.grid.width() + part.column;
-            let (above, below) = (self.prefix[index], self.prefix[index + self.grid.width()]);
-            for c in 0..3 {
-                sums[piece][c] += above[c] * part.length + (below[c] - above[c]) * part.depth;
-            }
-        });
-        sums
+    /// Adds ∫ P dφ over what a texel holds of an arc.
+    #[inline]
+    fn add(&self, part: Part, sum: &mut [f64; 3]) {
+        let index = part.row * self.grid.width() + part.column;
+        let (above, below) = (self.prefix[index], self.prefix[index + self.grid.width()]);
+        for c in 0..3 {
+            sum[c] += above[c] * part.length + (below[c] - above[c]) * part.depth;
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 
 use glam::DVec3;
 
+use super::orientation_map::orientation;
 use super::panorama::{Panorama, TexelBox};
 use super::sky::{Sky, sky};
 use super::sun_disc::add_disc;
@@ -23,7 +24,7 @@ pub struct Builtin {
 }
 
 /// All of them.
-pub const BUILTINS: [Builtin; 4] = [
+pub const BUILTINS: [Builtin; 5] = [
     Builtin {
         name: "white",
         description: "radiance 1 from everywhere: the white furnace, which every filter must leave at 1",
@@ -43,6 +44,11 @@ pub const BUILTINS: [Builtin; 4] = [
         name: "sky",
         description: "a clear sky (Hosek-Wilkie, turbidity 3) with its sun 40° high over a ground of albedo 0.3",
         make: |width| sky(width, &Sky::default()),
+    },
+    Builtin {
+        name: "orientation",
+        description: "a room whose walls bear the names of their axes, readable from inside: shows which way an engine turns a cube",
+        make: orientation,
     },
 ];
 

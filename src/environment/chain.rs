@@ -6,10 +6,11 @@ use super::area_average::area_average;
 use super::cube::Cube;
 use super::fit::{CubeFit, fit};
 use super::full_sum::FullSum;
-use super::kernel::Kernel;
+use super::kernel::{Kernel, KernelKind};
 use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
 use super::panorama::Panorama;
 use super::seamless::Probe;
+use super::view_lobe::{View, ViewLobe, ViewMonteCarlo};
 use super::zonal::{InstructionSet, Zonal};
 use crate::error::{Error, Result};
 use crate::integrate::Integrator;
@@ -29,6 +30,11 @@ pub struct ChainSpec {
     pub seed: u64,
     /// What filters; `auto` is the zonal filter.
     pub integrator: Integrator,
+    /// What directions are weighed by.
+    pub kernel: KernelKind,
+    /// How the surface is seen, if not as N = V = R: for [`KernelKind::G1`] and the Monte Carlo witness.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<View>,
     /// What texels are chosen for; level 0 of a mirror is not fitted, nor is a level whose kernel is too narrow for harmonics.
     #[serde(default)]
     pub fit: Fit,
@@ -83,6 +89,9 @@ pub struct LevelReport {
     pub fit: Option<CubeFit>,
 }
 
+/// Roughness of level 0 of a sheen, where other kernels have a mirror: the least that renderers evaluate.
+pub const LEAST_SHEEN: f64 = 0.07;
+
 /// Relative errors are taken relative to at least this part of the panorama's mean.
 pub const DARK_FLOOR: f64 = 1e-3;
 
@@ -111,6 +120,8 @@ impl ChainSpec {
             samples: 4096,
             seed: 0,
             integrator: Integrator::default(),
+            kernel: KernelKind::default(),
+            view: None,
             fit: Fit::None,
             probe: false,
         }
@@ -126,7 +137,21 @@ impl ChainSpec {
         (0..self.roughness.len()).map(|level| 6 * (self.level_size(level) as u64).pow(2)).sum()
     }
 
+    /// The kernel of a level of that roughness; none for a mirror.
+    pub fn kernel_of(&self, roughness: f64) -> Option<Kernel> {
+        let alpha = alpha_of_roughness(roughness);
+        (alpha > 0.0).then(|| Kernel::of(self.kernel, alpha))
+    }
+
+    fn kernels(&self) -> Vec<Kernel> {
+        self.roughness.iter().filter_map(|&r| self.kernel_of(r)).collect()
+    }
+
     fn check(&self) -> Result<()> {
+        check_kernel(self.kernel, &self.roughness)?;
+        if let Some(view) = self.view {
+            check_view(view, self.kernel, self.integrator)?;
+        }
         let levels = self.roughness.len();
         if self.size == 0 || levels == 0 || levels > self.size.ilog2() as usize + 1 {
             let most = if self.size == 0 { 0 } else { self.size.ilog2() + 1 };
@@ -159,7 +184,7 @@ impl ChainSpec {
 /// **Errors**: a specification that makes no sense.
 pub fn specular_chain(panorama: &Panorama, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Result<Chain> {
     spec.check()?;
-    Ok(Filter::new(panorama, spec, &spec.roughness).chain(spec, finished))
+    Ok(Filter::new(panorama, spec, &spec.kernels()).chain(spec, finished))
 }
 
 /// The chain and [`irradiance_cube`](super::irradiance_cube) of `irradiance_size`, which share what they can.
@@ -171,11 +196,60 @@ pub fn chain_and_irradiance(
     irradiance_size: usize,
     finished: &(dyn Fn(u64) + Sync),
 ) -> Result<(Chain, (Cube, LevelReport))> {
+    chain_and_irradiance_beside(&FullSum::new(panorama), panorama, spec, irradiance_size, finished)
+}
+
+/// The same, with a full sum of the panorama that others use too.
+pub(crate) fn chain_and_irradiance_beside(
+    truth: &FullSum,
+    panorama: &Panorama,
+    spec: &ChainSpec,
+    irradiance_size: usize,
+    finished: &(dyn Fn(u64) + Sync),
+) -> Result<(Chain, (Cube, LevelReport))> {
     spec.check()?;
     check_irradiance(irradiance_size)?;
-    let roughness: Vec<f64> = spec.roughness.iter().copied().chain([1.0]).collect();
-    let filter = Filter::new(panorama, spec, &roughness);
-    Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, finished)))
+    let kernels: Vec<Kernel> = spec.kernels().into_iter().chain([lambert()]).collect();
+    let filter = Filter::beside(truth.clone(), panorama, spec, &kernels);
+    Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, Some(lambert()), finished)))
+}
+
+/// Whether a kernel has all these roughnesses.
+///
+/// **Errors**: a sheen of roughness 0, which is no mirror.
+pub fn check_kernel(kernel: KernelKind, roughness: &[f64]) -> Result<()> {
+    if kernel == KernelKind::Charlie && roughness.contains(&0.0) {
+        return Err(Error::usage(
+            "roughness 0 of a sheen, whose lobe would be the horizon itself",
+            format!("start at {LEAST_SHEEN}, such as --roughness {LEAST_SHEEN},0.5,1"),
+        ));
+    }
+    Ok(())
+}
+
+/// Whether a surface can be filtered as it is seen.
+///
+/// **Errors**: no such view; a kernel or an integrator that knows lobes about R only.
+pub fn check_view(view: View, kernel: KernelKind, integrator: Integrator) -> Result<()> {
+    view.check()?;
+    if kernel != KernelKind::G1 {
+        return Err(Error::usage(
+            format!("a view angle or anisotropy with --kernel {}, which is no lobe of a surface", kernel.name()),
+            "use --kernel g1, which is the lobe seen at 0°",
+        ));
+    }
+    if !matches!(integrator, Integrator::MonteCarlo | Integrator::Auto) {
+        return Err(Error::usage(
+            "a view angle or anisotropy makes a lobe that is not round about R, which only monte-carlo integrates",
+            "use --integrator monte-carlo",
+        ));
+    }
+    Ok(())
+}
+
+/// The kernel of irradiance over π.
+pub(super) fn lambert() -> Kernel {
+    Kernel::new(1.0)
 }
 
 pub(super) fn check_irradiance(size: usize) -> Result<()> {
@@ -195,6 +269,8 @@ pub(super) struct Filter<'a> {
     truth: Option<Zonal<'a>>,
     fit: Fit,
     probe: bool,
+    /// For lobes of surfaces that are seen at an angle.
+    view: Option<(View, ViewMonteCarlo)>,
 }
 
 enum Witness<'a> {
@@ -204,40 +280,55 @@ enum Witness<'a> {
 }
 
 impl<'a> Filter<'a> {
-    /// A filter for levels of these roughnesses.
-    pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec, roughness: &[f64]) -> Self {
+    /// A filter for these kernels.
+    pub(super) fn new(panorama: &'a Panorama, spec: &ChainSpec, kernels: &[Kernel]) -> Self {
+        Self::beside(FullSum::new(panorama), panorama, spec, kernels)
+    }
+
+    fn beside(truth: FullSum<'a>, panorama: &'a Panorama, spec: &ChainSpec, kernels: &[Kernel]) -> Self {
         let zonal = || {
-            let mut alphas: Vec<f64> = roughness.iter().map(|&r| alpha_of_roughness(r)).collect();
-            alphas.sort_by(f64::total_cmp);
-            alphas.dedup();
-            let kernels: Vec<Kernel> = alphas.into_iter().filter(|&a| a > 0.0).map(Kernel::new).collect();
-            Zonal::new(panorama, &kernels, InstructionSet::detect())
+            let mut kernels = kernels.to_vec();
+            kernels.sort_by(|a, b| (a.kind() as u8).cmp(&(b.kind() as u8)).then(a.alpha().total_cmp(&b.alpha())));
+            kernels.dedup();
+            Zonal::beside(truth.clone(), panorama, &kernels, InstructionSet::detect())
         };
         let witness = match spec.integrator {
-            Integrator::Quadrature => Witness::Quadrature(FullSum::new(panorama)),
+            Integrator::Quadrature => Witness::Quadrature(truth.clone()),
             Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
             Integrator::Auto | Integrator::Zonal => Witness::Zonal(zonal()),
         };
         let seen = spec.probe || spec.fit == Fit::Lookup;
-        let truth = (seen && !matches!(witness, Witness::Zonal(_))).then(zonal);
+        let everywhere = (seen && !matches!(witness, Witness::Zonal(_))).then(zonal);
+        let view = spec.view.map(|view| (view, ViewMonteCarlo::new(panorama, spec.seed)));
         let (samples, seed) = (spec.samples, spec.seed);
-        Self { panorama, samples, seed, witness, truth, fit: spec.fit, probe: spec.probe }
+        Self { panorama, samples, seed, witness, truth: everywhere, fit: spec.fit, probe: spec.probe, view }
     }
 
     fn chain(&self, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Chain {
-        let level = |(level, &roughness): (usize, &f64)| self.level(spec.level_size(level), roughness, finished);
+        let level = |(level, &roughness): (usize, &f64)| {
+            self.level(spec.level_size(level), roughness, spec.kernel_of(roughness), finished)
+        };
         let (levels, reports) = spec.roughness.iter().enumerate().map(level).unzip();
         Chain { levels, reports }
     }
 
-    pub(super) fn level(&self, size: usize, roughness: f64, finished: &(dyn Fn(u64) + Sync)) -> (Cube, LevelReport) {
-        let (cube, report) = self.exact_level(size, roughness, finished);
-        let alpha = alpha_of_roughness(roughness);
+    /// A level; without a kernel, of a mirror.
+    pub(super) fn level(
+        &self,
+        size: usize,
+        roughness: f64,
+        kernel: Option<Kernel>,
+        finished: &(dyn Fn(u64) + Sync),
+    ) -> (Cube, LevelReport) {
+        let (cube, report) = self.exact_level(size, roughness, kernel.clone(), finished);
         let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
-        let Some(zonal) = zonal.filter(|_| alpha > 0.0 && (self.probe || self.fit == Fit::Lookup)) else {
-            return (cube, report);
+        // A lobe that is seen at an angle is no zonal function.
+        let wanted = |kernel: &Kernel| {
+            let at_an_angle = self.view.is_some() && kernel.kind() == KernelKind::G1;
+            (self.probe || self.fit == Fit::Lookup) && !at_an_angle
         };
-        let function = zonal.function(&Kernel::new(alpha));
+        let (Some(zonal), Some(kernel)) = (zonal, kernel.filter(wanted)) else { return (cube, report) };
+        let function = zonal.function(&kernel);
         if function.degree == 0 {
             return (cube, report);
         }
@@ -251,15 +342,27 @@ impl<'a> Filter<'a> {
     }
 
     /// A level whose texels are the values at their centres.
-    fn exact_level(&self, size: usize, roughness: f64, finished: &(dyn Fn(u64) + Sync)) -> (Cube, LevelReport) {
-        let alpha = alpha_of_roughness(roughness);
-        if alpha == 0.0 {
+    fn exact_level(
+        &self,
+        size: usize,
+        roughness: f64,
+        kernel: Option<Kernel>,
+        finished: &(dyn Fn(u64) + Sync),
+    ) -> (Cube, LevelReport) {
+        let Some(kernel) = kernel else {
             let cube = area_average(self.panorama, size);
             finished(cube.texels.len() as u64);
             let report = self.report(&cube, roughness, "area-average", 0, (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND));
             return (cube, report);
+        };
+        // (Irradiance is no reflection.)
+        if let Some((view, monte_carlo)) = self.view.as_ref().filter(|_| kernel.kind() == KernelKind::G1) {
+            let lobe = ViewLobe::new(kernel.alpha(), *view);
+            let filtered = monte_carlo.filter(size, &lobe, self.samples, finished);
+            let errors = self.relative_errors(&filtered.cube, &filtered.standard_errors);
+            let report = self.report(&filtered.cube, roughness, "monte-carlo", filtered.samples, errors);
+            return (filtered.cube, report);
         }
-        let kernel = Kernel::new(alpha);
         match &self.witness {
             Witness::MonteCarlo(monte_carlo) => {
                 let filtered = monte_carlo.filter(size, &kernel, self.samples, finished);

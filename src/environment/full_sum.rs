@@ -1,17 +1,20 @@
-//! The truth: the sum over every texel of the panorama, in f64.
+//! The truth: the integral over every texel of the panorama, in f64.
 //!
 //! Each texel's box is integrated by a product of Gauss–Legendre rules in φ and θ (θ rather than y = cos θ, because the
-//! direction is a smooth function of θ at the poles). How many points: the kernel 1/(1 − βc)² has its complex
-//! singularities at an angular distance δ = √(4α²/(1−α²) + distance²) from the lobe's axis (and its cosine, like sin θ, varies
-//! over one radian, so that δ counts as 1 at most; other kernels have other δ), and n points on a box of extent h leave an error of about
-//! (h/4δ)^2n; a box too close for the largest rule is cut in four. Where the lobe's
-//! horizon crosses a box, each line of constant θ is cut exactly where c = 0.
+//! direction is a smooth function of θ at the poles). How many points: the kernel has its complex
+//! singularities at an angular distance δ from a box (GGX: √(4α²/(1−α²) + distance²); its cosine, like
+//! sin θ, varies over one radian, so that δ counts as 1 at most; other kernels have other δ), and n points on a box of extent h leave an
+//! error of about (h/4δ)^2n; a box too close for the largest rule is cut in two or four. Where the lobe's horizon crosses a box, each line of
+//! constant θ is cut exactly where c = 0. What is far from all that is summed by cells of many texels (`cells`), to fewer than 1e-7.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::cells::{Cells, Left, Seen, Threads};
 use super::cube::{Cube, texel_direction};
 use super::kernel::{Kernel, Profile, with_profile};
 use super::panorama::Panorama;
@@ -30,12 +33,23 @@ const FLAT: f64 = 0.02;
 /// Largest panorama, in texels, whose channels are also kept apart, for speed.
 const LARGEST_APART: usize = 1 << 21;
 
-/// A panorama made ready for exact sums.
+/// A panorama made ready for exact sums. Clones share what is prepared.
 #[derive(Debug, Clone)]
 pub struct FullSum<'a> {
     panorama: &'a Panorama,
     base: [f64; 3],
     rules: Vec<Rule>,
+    /// Whether far cells may be taken whole.
+    by_cells: bool,
+    whole: Arc<OnceLock<Whole>>,
+    instructions: InstructionSet,
+}
+
+/// What sums over the whole panorama need, and single texels do not.
+#[derive(Debug)]
+struct Whole {
+    /// Towards the middle of the brightest texel.
+    sun: DVec3,
     /// cos φ and sin φ of the points of the three smallest rules, one of which nearly every texel takes: its first in every column, then
     /// its second, and so on.
     azimuths: [Vec<(f64, f64)>; BULK_RULES],
@@ -43,7 +57,8 @@ pub struct FullSum<'a> {
     occupied: Vec<bool>,
     /// The channels one by one, of a panorama that is not too large.
     apart: Option<[Vec<f32>; 3]>,
-    instructions: InstructionSet,
+    /// What is far from the lobe's axis and from its horizon is summed by these.
+    cells: Option<Cells>,
 }
 
 /// A box in φ and θ.
@@ -65,30 +80,53 @@ impl<'a> FullSum<'a> {
     /// Prepares a panorama. The smallest radiance of each channel is taken off first and added to every result: a
     /// constant panorama is then exact, and no result is below the smallest radiance.
     pub fn new(panorama: &'a Panorama) -> Self {
-        Self::with_extra_points(panorama, 0)
+        Self {
+            panorama,
+            base: panorama.min().map(f64::from),
+            rules: RULES.iter().map(|&(n, _)| gauss_legendre(n)).collect(),
+            by_cells: true,
+            whole: Arc::default(),
+            instructions: InstructionSet::detect(),
+        }
     }
 
-    /// The same with `extra` more points per side of each box: how a test or a cautious user sees the error.
+    /// The same texel by texel, with `extra` more points per side of each box: how a test or a cautious user sees the error.
     pub fn with_extra_points(panorama: &'a Panorama, extra: usize) -> Self {
-        let rules: Vec<Rule> = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
-        let base = panorama.min();
-        let occupied = (0..panorama.height()).map(|row| panorama.row(row).iter().any(|t| *t != base)).collect();
+        let rules = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
+        Self { rules, by_cells: false, ..Self::new(panorama) }
+    }
+
+    /// Prepares sums over the whole panorama on all threads. The first of them would do so on its own.
+    pub fn prepare(&self) {
+        if self.whole.get().is_none() {
+            // Not inside the cell: its initialisation may not wait for other threads' work, which may be to wait for it.
+            let _ = self.whole.set(self.make_whole(Threads::All));
+        }
+    }
+
+    /// Towards the middle of the brightest texel.
+    pub(crate) fn sun(&self) -> DVec3 {
+        self.prepare();
+        self.whole.get_or_init(|| self.make_whole(Threads::One)).sun
+    }
+
+    fn make_whole(&self, on: Threads) -> Whole {
+        let panorama = self.panorama;
         let of_rule = |rule: &Rule| -> Vec<(f64, f64)> {
             let columns = |t: f64| (0..panorama.width()).map(move |column| column as f64 + t);
             let positions = rule.nodes.iter().flat_map(|&t| columns(t));
             positions.map(|at| TAU * at / panorama.width() as f64 - PI).map(|phi| (phi.cos(), phi.sin())).collect()
         };
-        let azimuths = std::array::from_fn(|i| of_rule(&rules[i]));
-        let apart = (panorama.texels().len() <= LARGEST_APART)
-            .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect()));
-        Self {
-            panorama,
-            base: base.map(f64::from),
-            rules,
+        let azimuths = std::array::from_fn(|i| of_rule(&self.rules[i]));
+        let beyond = |row: usize| panorama.row(row).iter().any(|t| t.map(f64::from) != self.base);
+        let (column, row, _) = panorama.peak();
+        Whole {
+            sun: panorama.texel_box(column, row).middle(),
             azimuths,
-            occupied,
-            apart,
-            instructions: InstructionSet::detect(),
+            occupied: (0..panorama.height()).map(beyond).collect(),
+            apart: (panorama.texels().len() <= LARGEST_APART)
+                .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect())),
+            cells: self.by_cells.then(|| Cells::new(panorama, self.base, self.instructions, on)).flatten(),
         }
     }
 
@@ -96,17 +134,29 @@ impl<'a> FullSum<'a> {
     pub fn evaluate(&self, axis: DVec3, kernel: &Kernel) -> [f64; 3] {
         let axis = axis.normalize();
         let lobe = Lobe::new(axis, kernel);
-        let bulk = self.bulk_rule(kernel);
-        let along: Vec<f64> = self.azimuths[bulk].iter().map(|(cos, sin)| axis.x * cos + axis.z * sin).collect();
-        let mut weights = vec![0.0; self.panorama.width()];
+        let (width, height) = (self.panorama.width(), self.panorama.height());
         let mut sum = [Compensated::default(); 3];
-        for row in (0..self.panorama.height()).filter(|&row| self.occupied[row]) {
-            if !self.row_weights(row, &lobe, (bulk, &along), &mut weights) {
-                continue;
+        let whole = self.whole.get_or_init(|| self.make_whole(Threads::One));
+        let left = match &whole.cells {
+            Some(cells) => {
+                let seen = Seen { kernel, axis, horizontal: lobe.horizontal };
+                let (far, left) = cells.evaluate(&seen, self.instructions);
+                (0..3).for_each(|c| sum[c].add(far[c]));
+                left
             }
-            let row_sum = self.row_sum(row, &weights);
-            for c in 0..3 {
-                sum[c].add(row_sum[c]);
+            None => vec![Left { rows: 0..height, columns: 0..width }],
+        };
+        let bulk = self.bulk_rule(kernel);
+        let along: Vec<f64> = whole.azimuths[bulk].iter().map(|(cos, sin)| axis.x * cos + axis.z * sin).collect();
+        let mut weights = vec![0.0; width];
+        for Left { rows, columns } in left {
+            let columns = columns.start..columns.end.min(width);
+            let weights = &mut weights[..columns.len()];
+            for row in (rows.start..rows.end.min(height)).filter(|&row| whole.occupied[row]) {
+                if self.row_weights((row, columns.clone()), &lobe, (bulk, &along), weights) {
+                    let part = self.row_sum(whole, row, columns.clone(), weights);
+                    (0..3).for_each(|c| sum[c].add(part[c]));
+                }
             }
         }
         std::array::from_fn(|c| self.base[c] + sum[c].total())
@@ -116,6 +166,7 @@ impl<'a> FullSum<'a> {
     ///
     /// `finished` is told how many texels have been finished since its last call.
     pub fn filter(&self, size: usize, kernel: &Kernel, finished: &(dyn Fn(u64) + Sync)) -> Cube {
+        self.prepare();
         let texel = |index| {
             let value = self.evaluate(texel_direction(size, index), kernel).map(|v| v as f32);
             finished(1);
@@ -136,14 +187,14 @@ impl<'a> FullSum<'a> {
         })
     }
 
-    /// Σ weight × (radiance − base) over a row.
-    fn row_sum(&self, row: usize, weights: &[f64]) -> [f64; 3] {
-        if let Some(apart) = &self.apart {
-            let width = self.panorama.width();
+    /// Σ weight × (radiance − base) over some columns of a row.
+    fn row_sum(&self, whole: &Whole, row: usize, columns: Range<usize>, weights: &[f64]) -> [f64; 3] {
+        if let Some(apart) = &whole.apart {
+            let first = row * self.panorama.width() + columns.start;
             return self.instructions.run(
                 #[inline(always)]
                 || {
-                    let channel = |c: usize| &apart[c][row * width..][..width];
+                    let channel = |c: usize| &apart[c][first..][..columns.len()];
                     [
                         dot(weights, channel(0), self.base[0]),
                         dot(weights, channel(1), self.base[1]),
@@ -153,7 +204,7 @@ impl<'a> FullSum<'a> {
             );
         }
         let mut sum = [0.0; 3];
-        for (weight, texel) in weights.iter().zip(self.panorama.row(row)) {
+        for (weight, texel) in weights.iter().zip(&self.panorama.row(row)[columns]) {
             for c in 0..3 {
                 sum[c] += weight * (f64::from(texel[c]) - self.base[c]);
             }
@@ -161,8 +212,14 @@ impl<'a> FullSum<'a> {
         sum
     }
 
-    /// Integrals of the kernel over the texels of a row; false if the whole row is below the horizon.
-    fn row_weights(&self, row: usize, lobe: &Lobe, (bulk, along): (usize, &[f64]), weights: &mut [f64]) -> bool {
+    /// Integrals of the kernel over some texels of a row; false if the whole row is below the horizon.
+    fn row_weights(
+        &self,
+        (row, columns): (usize, Range<usize>),
+        lobe: &Lobe,
+        (bulk, along): (usize, &[f64]),
+        weights: &mut [f64],
+    ) -> bool {
         let (width, height) = (self.panorama.width(), self.panorama.height());
         let theta = [PI * row as f64 / height as f64, PI * (row + 1) as f64 / height as f64];
         let (dtheta, dphi) = (theta[1] - theta[0], TAU / width as f64);
@@ -185,7 +242,7 @@ impl<'a> FullSum<'a> {
                     let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
                     let (up, scale) = (lobe.axis.y * cos, weight * sin * dtheta * dphi);
                     for (along, weight) in along.chunks_exact(width).zip(&rule.weights) {
-                        let at = [up, sin, scale * weight];
+                        let (at, along) = ([up, sin, scale * weight], &along[columns.clone()]);
                         with_profile!(lobe.kernel, P => add_line::<P>(weights, along, at, lobe.kernel));
                     }
                 }
@@ -197,11 +254,16 @@ impl<'a> FullSum<'a> {
         let flat = is_flat(extent, lobe.kernel);
         let (sin, cos) = middle.sin_cos();
         let up = lobe.axis.y * cos;
-        let first = &along[..width];
+        let first = &along[columns.clone()];
         // (The middle of the column to half its width: the margins of both criteria are wider.)
         let slack = 0.5 * widest * dphi;
-        let mut mend = |columns: std::ops::Range<usize>| {
-            for column in columns {
+        let mut mend = |part: Range<usize>| {
+            for (i, weight) in part.clone().zip(&mut weights[part]) {
+                let column = columns.start + i;
+                let c = up + sin * first[i];
+                if c + slack <= near_from && c.abs() - slack >= belt {
+                    continue;
+                }
                 let phi = TAU * column as f64 / width as f64 - PI;
                 // (Between the points of the column: its centre, to a relative dφ²/8.)
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
@@ -210,17 +272,17 @@ impl<'a> FullSum<'a> {
                 if !near && c.abs() < reach && flat && !self.is_bright(row, column) {
                     let down = 0.5 * dtheta * (cos * a - sin * lobe.axis.y);
                     let across = 0.5 * dphi * sin * (lobe.horizontal * lobe.horizontal - a * a).max(0.0).sqrt();
-                    weights[column] = self.panorama.solid_angle(row) * flat_horizon(c, [down, across], lobe.kernel);
+                    *weight = self.panorama.solid_angle(row) * flat_horizon(c, [down, across], lobe.kernel);
                 } else if (near && c > -reach) || c.abs() < belt {
-                    weights[column] = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
+                    *weight = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
                 }
             }
         };
         self.instructions.run(
             #[inline(always)]
             || {
-                for start in (0..width).step_by(STRETCH) {
-                    let stretch = &first[start..(start + STRETCH).min(width)];
+                for start in (0..first.len()).step_by(STRETCH) {
+                    let stretch = &first[start..(start + STRETCH).min(first.len())];
                     let (mut lowest, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
                     for a in stretch {
                         let c = up + sin * a;
@@ -276,12 +338,16 @@ impl<'a> FullSum<'a> {
                 let rule = if is_flat(extent, lobe.kernel) { 1 } else { RULES.len() - 1 };
                 self.product(patch, lobe, &self.rules[rule])
             }
-            Some(rule) => self.product(patch, lobe, &self.rules[rule]),
+            Some(rule) => product_above(patch, lobe, &self.rules[rule]),
             None => {
+                // The longer side, or both: at a pole, where boxes are slivers, halving azimuths would double their number for nothing.
                 let halves = |[low, high]: [f64; 2], middle: f64| [[low, middle], [middle, high]];
+                let (down, across) = (theta.1, widest * phi.1);
                 let mut sum = 0.0;
-                for theta in halves(patch.theta, theta.0) {
-                    for phi in halves(patch.phi, phi.0) {
+                for theta in halves(patch.theta, theta.0).into_iter().take(if across > 2.0 * down { 1 } else { 2 }) {
+                    let theta = if across > 2.0 * down { patch.theta } else { theta };
+                    for phi in halves(patch.phi, phi.0).into_iter().take(if down > 2.0 * across { 1 } else { 2 }) {
+                        let phi = if down > 2.0 * across { patch.phi } else { phi };
                         sum += self.patch(Patch { phi, theta }, lobe);
                     }
                 }
@@ -324,6 +390,24 @@ impl<'a> FullSum<'a> {
         }
         sum
     }
+}
+
+/// The product rule over a box that is wholly above the horizon.
+fn product_above(Patch { phi, theta }: Patch, lobe: &Lobe, rule: &Rule) -> f64 {
+    let (dphi, dtheta) = (phi[1] - phi[0], theta[1] - theta[0]);
+    let mut halves = [0.0; 16];
+    for (half, t) in halves.iter_mut().zip(&rule.nodes) {
+        *half = (0.5 * (phi[0] + t * dphi - lobe.azimuth)).sin().powi(2);
+    }
+    let mut sum = 0.0;
+    for (t, weight) in rule.iter() {
+        let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
+        let (apart, across) = (lobe.apart(sin, cos), 2.0 * lobe.horizontal * sin);
+        let line: f64 =
+            rule.weights.iter().zip(&halves).map(|(w, half)| w * lobe.kernel.eval(apart + across * half)).sum();
+        sum += weight * sin * line;
+    }
+    sum * dphi * dtheta
 }
 
 /// The mean of a kernel over a small texel that its horizon crosses: c in the middle, and half its change across height and width.
@@ -392,8 +476,12 @@ impl<'a> Lobe<'a> {
     /// |axis − l|²/2 for l at (θ, azimuth + ψ): 1 − c without cancellation.
     fn one_minus_cos(&self, sin: f64, cos: f64, psi: f64) -> f64 {
         let half = (psi / 2.0).sin();
+        self.apart(sin, cos) + 2.0 * self.horizontal * sin * half * half
+    }
+
+    /// The same on the axis's own meridian.
+    fn apart(&self, sin: f64, cos: f64) -> f64 {
         ((self.horizontal - sin).powi(2) + (self.axis.y - cos).powi(2)) / 2.0
-            + 2.0 * self.horizontal * sin * half * half
     }
 
     /// θ at which the lobe's horizon crosses the meridian φ: cos θ y + sin θ h cos ψ = 0.
@@ -427,6 +515,34 @@ mod tests {
     use super::super::test_maps::{random, random_sized};
     use super::*;
     use crate::math::sobol::PointSet;
+
+    /// Cells against every texel: a sun wherever it may stand beside an axis, on maps that cells do not divide evenly.
+    #[test]
+    fn cells_change_nothing() {
+        for ([width, height], sun) in
+            [([512, 256], (200, 60)), ([250, 131], (249, 0)), ([300, 100], (150, 51)), ([128, 64], (3, 40))]
+        {
+            let panorama = random_sized([width, height], 4, Some(sun));
+            // More points on both sides: what is seen is the cells alone.
+            let slow = FullSum::with_extra_points(&panorama, 2);
+            let fast = FullSum { by_cells: true, whole: Arc::default(), ..slow.clone() };
+            let middle = centre(&panorama, sun.0, sun.1);
+            let (side, up) = middle.any_orthonormal_pair();
+            let mut axes = directions(middle);
+            axes.extend([0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.5].map(|a: f64| middle * a.cos() + side * a.sin()));
+            axes.extend([0.05, 0.12, 0.3, 0.5, 0.9, 1.3].map(|a: f64| middle * a.cos() - up * a.sin()));
+            for alpha in [1.0, 0.5, 0.2, 0.05, 0.01] {
+                let kernel = Kernel::new(alpha);
+                for &axis in &axes {
+                    let (got, wanted) = (fast.evaluate(axis, &kernel), slow.evaluate(axis, &kernel));
+                    for c in 0..3 {
+                        let error = (got[c] / wanted[c] - 1.0).abs();
+                        assert!(error < 1e-7, "{width} × {height}, alpha {alpha}, axis {axis}: off by {error:e}");
+                    }
+                }
+            }
+        }
+    }
 
     /// Directions everywhere, at the poles, along the axes and at the sun.
     fn directions(sun: DVec3) -> Vec<DVec3> {

@@ -1,6 +1,6 @@
 //! Lambert's irradiance as a cube: E(n)/π, what a white matte surface facing n shows.
 
-use super::chain::{ChainSpec, Filter, LevelReport, check_irradiance};
+use super::chain::{ChainSpec, Filter, LevelReport, check_irradiance, lambert};
 use super::cube::Cube;
 use super::panorama::Panorama;
 use crate::error::Result;
@@ -16,5 +16,5 @@ pub fn irradiance_cube(
     finished: &(dyn Fn(u64) + Sync),
 ) -> Result<(Cube, LevelReport)> {
     check_irradiance(spec.size)?;
-    Ok(Filter::new(panorama, spec, &[1.0]).level(spec.size, 1.0, finished))
+    Ok(Filter::new(panorama, spec, &[lambert()]).level(spec.size, 1.0, Some(lambert()), finished))
 }

@@ -5,13 +5,15 @@
 //!
 //! The panorama is piecewise constant over its texels, with exact solid angles ([`panorama`]); [`Adjustment`] turns, exposes and
 //! calibrates it ([`photometry`]). From it come the area average of mip 0 ([`mod@area_average`]), the GGX-prefiltered levels
-//! ([`chain`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], [`full_sum`]), the Lambert
+//! ([`chain`], with one of several kernels: [`kernel`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], which also sees lobes that are no kernels ([`view_lobe`]), and [`full_sum`]), the Lambert
 //! irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
-//! ([`spherical_harmonics`]).
+//! ([`spherical_harmonics`]), or those of more bands ([`sh_bands`]); [`sh_convention`] and [`orientation`] bring them to the form that an
+//! engine reads.
 
 mod adjust;
 pub mod area_average;
 pub mod builtin;
+mod cells;
 pub mod chain;
 pub mod cube;
 mod face_files;
@@ -23,6 +25,8 @@ pub mod kernel;
 pub mod layout;
 pub mod monte_carlo;
 pub mod nonnegative;
+pub mod orientation;
+mod orientation_map;
 mod overlap;
 pub mod panorama;
 mod peel;
@@ -31,6 +35,8 @@ mod raw;
 pub mod repair;
 mod sampler;
 pub mod seamless;
+pub mod sh_bands;
+pub mod sh_convention;
 pub mod sky;
 mod source;
 pub mod spherical_harmonics;
@@ -38,6 +44,7 @@ mod sun;
 mod sun_disc;
 #[cfg(test)]
 mod test_maps;
+pub mod view_lobe;
 pub mod zonal;
 
 pub use crate::math::fit::Fit;
@@ -53,11 +60,14 @@ pub use irradiance::irradiance_cube;
 pub use kernel::{Kernel, KernelKind};
 pub use layout::{InputLayout, Layout};
 pub use monte_carlo::{Estimate, Filtered, MonteCarlo};
+pub use orientation::Orientation;
 pub use panorama::{Panorama, luminance};
 pub use photometry::{Photometry, Unit};
 pub use repair::{InputReport, Negatives, NonFinite};
 pub use seamless::CubeLookup;
+pub use sh_convention::ShConvention;
 pub use source::{BUILTIN_PREFIX, Reading, load};
 pub use spherical_harmonics::SphericalHarmonics;
 pub use sun::{Sun, extract as extract_sun};
+pub use view_lobe::{View, ViewLobe, ViewMonteCarlo};
 pub use zonal::{InstructionSet, Zonal};

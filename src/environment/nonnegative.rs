@@ -6,9 +6,8 @@
 //! after the other, at the lowest point so far (an exchange method), and solved for by their multipliers:
 //! c = c₀ + Σ λ_k Y(d_k), λ ≥ 0, λ_k = 0 where Y(d_k)·c > 0.
 
-use super::spherical_harmonics::{Coefficients, basis};
+use super::spherical_harmonics::{Coefficients, basis, normalisation};
 use glam::DVec3;
-use std::sync::LazyLock;
 
 /// Constraints added at most; a sphere's worth of lowest points needs a few tens.
 const MOST_CONSTRAINTS: usize = 200;
@@ -16,21 +15,6 @@ const MOST_CONSTRAINTS: usize = 200;
 const LOWEST: f64 = 1e-9;
 /// Sweeps over the multipliers at most.
 const SWEEPS: usize = 100_000;
-
-/// Directions to start searches for the lowest point from: a spiral, 3° apart.
-static STARTS: LazyLock<Vec<(DVec3, [f64; 9])>> = LazyLock::new(|| {
-    const N: usize = 4096;
-    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    (0..N)
-        .map(|i| {
-            let y = 1.0 - (2.0 * i as f64 + 1.0) / N as f64;
-            let r = ((1.0 - y) * (1.0 + y)).sqrt();
-            let (sin, cos) = (golden * i as f64).sin_cos();
-            let d = DVec3::new(r * cos, y, r * sin);
-            (d, basis(d))
-        })
-        .collect()
-});
 
 /// Nine coefficients per channel that give no negative value in any direction, nearest to the given ones.
 ///
@@ -95,22 +79,59 @@ fn solve(start: &[f64; 9], constraints: &[[f64; 9]], multipliers: &mut [f64], c:
     }
 }
 
-/// The direction of the smallest value, and that value: from the lowest start downhill to rounding.
+/// The direction of the smallest value, and that value.
+///
+/// Nine coefficients are k + b·d + d·A d: a quadratic form on the unit sphere. Where it is smallest, (2A + μ) d = −b with 2A + μ
+/// positive semidefinite (the trust-region problem: Moré and Sorensen 1983), μ being where Σ (b_i/(λ_i + μ))² = 1 in the frame of A's axes.
 fn lowest(c: &[f64; 9]) -> (DVec3, f64) {
-    let values = STARTS.iter().map(|(d, y)| (*d, dot(y, c)));
-    let Some((mut at, mut value)) = values.min_by(|a, b| a.1.total_cmp(&b.1)) else { unreachable!("there are starts") };
-    let (mut step, size) = (0.05, c.iter().fold(0.0_f64, |m, v| m.max(v.abs())));
-    // Pattern search on the sphere: quadratic in the step near the minimum, so 1e-8 of step is rounding of the value.
-    while step > 1e-8 && size > 0.0 {
-        let (s, t) = at.any_orthonormal_pair();
-        let tries = [s, -s, t, -t].map(|move_by| (at + step * move_by).normalize());
-        let best = tries.into_iter().map(|d| (d, dot(&basis(d), c))).min_by(|a, b| a.1.total_cmp(&b.1));
-        match best {
-            Some((d, v)) if v < value => (at, value) = (d, v),
-            _ => step *= 0.5,
-        }
+    let norm = normalisation();
+    let v: [f64; 9] = std::array::from_fn(|i| c[i] * norm[i]);
+    let linear = [v[3], v[1], v[2]];
+    // Twice A.
+    let form = [[2.0 * v[8], v[4], v[7]], [v[4], -2.0 * v[8], v[5]], [v[7], v[5], 6.0 * v[6]]];
+    let (lambda, axes) = eigen(form);
+    let b: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| axes[i][k] * linear[k]).sum());
+    // s = μ + λ_0 lies between |b_0| and |b|; the sum falls as s grows.
+    let at = |s: f64, i: usize| if b[i] == 0.0 { 0.0 } else { -b[i] / (lambda[i] - lambda[0] + s) };
+    let (mut low, mut high) = (b[0].abs(), b.iter().map(|b| b * b).sum::<f64>().sqrt());
+    for _ in 0..100 {
+        let s = 0.5 * (low + high);
+        if (0..3).map(|i| at(s, i).powi(2)).sum::<f64>() > 1.0 { low = s } else { high = s }
     }
-    (at, value)
+    let (y, z) = (at(high, 1), at(high, 2));
+    // Along the lowest axis goes what is left: all of it where b has no part in that direction.
+    let x = (1.0 - y * y - z * z).max(0.0).sqrt().copysign(-b[0]);
+    let place = [x, y, z];
+    let world = |k: usize| (0..3).map(|i| axes[i][k] * place[i]).sum::<f64>();
+    let direction = DVec3::new(world(0), world(1), world(2)).normalize();
+    (direction, dot(&basis(direction), c))
+}
+
+/// Eigenvalues of a symmetric matrix, the smallest first, and its axes, by Jacobi's rotations.
+fn eigen(mut a: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    // Convergence is quadratic: five sweeps reach rounding.
+    for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(3 * 12) {
+        if a[p][q] == 0.0 {
+            continue;
+        }
+        let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        let t = 1.0_f64.copysign(theta) / (theta.abs() + theta.hypot(1.0));
+        let cos = 1.0 / t.hypot(1.0);
+        let sin = t * cos;
+        let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
+        for row in &mut a {
+            (row[p], row[q]) = turn(row[p], row[q]);
+        }
+        for k in 0..3 {
+            (a[p][k], a[q][k]) = turn(a[p][k], a[q][k]);
+            (axes[p][k], axes[q][k]) = turn(axes[p][k], axes[q][k]);
+        }
+        (a[p][q], a[q][p]) = (0.0, 0.0);
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
+    (order.map(|i| a[i][i]), order.map(|i| axes[i]))
 }
 
 #[cfg(test)]
@@ -119,6 +140,48 @@ mod tests {
     use super::super::spherical_harmonics::{evaluate, project};
     use super::super::test_maps::random;
     use super::*;
+    use crate::math::sobol::PointSet;
+    use std::sync::LazyLock;
+
+    /// Directions on a spiral, 3° apart.
+    static STARTS: LazyLock<Vec<(DVec3, [f64; 9])>> = LazyLock::new(|| {
+        const N: usize = 4096;
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        (0..N)
+            .map(|i| {
+                let y = 1.0 - (2.0 * i as f64 + 1.0) / N as f64;
+                let r = ((1.0 - y) * (1.0 + y)).sqrt();
+                let (sin, cos) = (golden * i as f64).sin_cos();
+                let d = DVec3::new(r * cos, y, r * sin);
+                (d, basis(d))
+            })
+            .collect()
+    });
+
+    #[test]
+    fn the_lowest_direction_is_lower_than_all_others() {
+        let mut cases: Vec<[f64; 9]> = (0..200)
+            .map(|i| {
+                let points = PointSet::<9>::new(5, i, 1);
+                points.points()[0].map(|v| 2.0 * v - 1.0)
+            })
+            .collect();
+        // Without a linear part, with one across the lowest axis only, axes of equal length, nothing but the constant.
+        cases.push([1.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.7, -0.1]);
+        cases.push([1.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        cases.push([1.0, 0.2, 0.1, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        cases.push([1.0, 0.0, 0.3, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0]);
+        cases.push([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        for c in cases {
+            let (direction, value) = lowest(&c);
+            assert!((direction.length() - 1.0).abs() < 1e-14);
+            let on_spiral = STARTS.iter().map(|(_, y)| dot(y, &c)).fold(f64::INFINITY, f64::min);
+            // The spiral misses the minimum by at most 3°, and there the value by half the largest curvature, 12 |c|, times 0.05².
+            let size = dot(&c, &c).sqrt();
+            assert!(value <= on_spiral + 1e-12 * size, "{c:?}: {value} at {direction}, {on_spiral} on the spiral");
+            assert!(value >= on_spiral - 6.0 * size * 0.0025, "{c:?}: {value}, {on_spiral} on the spiral");
+        }
+    }
 
     fn smallest(c: &Coefficients) -> f64 {
         STARTS.iter().flat_map(|(d, _)| evaluate(c, *d)).fold(f64::INFINITY, f64::min)

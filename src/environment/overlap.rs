@@ -84,6 +84,11 @@ impl Grid {
         self.rows
     }
 
+    /// Rows of the whole panorama.
+    pub(super) fn height(&self) -> usize {
+        self.height
+    }
+
     /// Height of a row in y.
     pub(super) fn row_height(&self, row: usize) -> f64 {
         self.y[row] - self.y[row + 1]
@@ -102,6 +107,15 @@ impl Grid {
             if t1 > 0.0 {
                 self.walk(circle, turn, [angle(t0.max(0.0)), angle(t1)], turn, |part| visit(i, part));
             }
+        }
+    }
+
+    /// The pieces beyond the middle of a grid line, ψ = atan(t / b), t from 0 to 1.
+    pub(super) fn along_half(&self, circle: &Circle, size: usize, mut visit: impl FnMut(usize, Part)) {
+        let angle = |t: f64| (t / circle.b).atan();
+        for i in size / 2..size {
+            let (t0, t1) = (edge(size, i).max(0.0), edge(size, i + 1));
+            self.walk(circle, 1.0, [angle(t0), angle(t1)], 1.0, |part| visit(i, part));
         }
     }
 

@@ -39,6 +39,8 @@ pub(super) struct Peel {
 #[derive(Debug, Clone)]
 struct Peeled {
     index: usize,
+    /// What is left in its place: what is around it.
+    remainder: [f32; 3],
     /// The middle, and the solid angle.
     middle: (DVec3, f64),
     /// Two by two Gauss points with their parts of the solid angle.
@@ -50,16 +52,20 @@ struct Peeled {
 impl Peel {
     /// The outliers of a panorama, and the panorama without them: never darker than the block around it.
     pub(super) fn new(panorama: &Panorama) -> (Self, Panorama) {
-        Self::take(panorama, LEAST, 0.0, MOST)
+        let peel = Self::take(panorama, LEAST, 0.0, MOST);
+        let mut rest = panorama.texels().to_vec();
+        peel.remainders().for_each(|(index, texel)| rest[index] = texel);
+        let rest = panorama.with_texels(rest);
+        (peel, rest)
     }
 
     /// At most `most` outliers that each hold at least this part of the panorama's light (all channels together).
-    pub(super) fn strongest(panorama: &Panorama, least_share: f64, most: usize) -> (Self, Panorama) {
+    pub(super) fn strongest(panorama: &Panorama, least_share: f64, most: usize) -> Self {
         Self::take(panorama, 0.0, least_share, most)
     }
 
     /// Outliers of more than `least` of their block's flux and at least `least_share` of the panorama's.
-    fn take(panorama: &Panorama, least: f64, least_share: f64, most: usize) -> (Self, Panorama) {
+    fn take(panorama: &Panorama, least: f64, least_share: f64, most: usize) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let mean = panorama.mean().iter().sum::<f64>();
         let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
@@ -99,13 +105,12 @@ impl Peel {
         // The largest first; equal ones in the order of the panorama, so that the choice is the same on every run.
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         candidates.truncate(most);
-        let mut rest = panorama.texels().to_vec();
         let texels = candidates
             .into_iter()
             .map(|(_, index, median)| {
-                let texel = rest[index];
-                let radiance = std::array::from_fn(|c| f64::from(texel[c]) - f64::from(texel[c].min(median[c])));
-                rest[index] = std::array::from_fn(|c| texel[c].min(median[c]));
+                let texel = panorama.texels()[index];
+                let remainder: [f32; 3] = std::array::from_fn(|c| texel[c].min(median[c]));
+                let radiance = std::array::from_fn(|c| f64::from(texel[c]) - f64::from(remainder[c]));
                 let (row, column) = (index / width, index % width);
                 let place = |x: f64, y: f64| {
                     let (sin, cos) = (PI * (row as f64 + y) / height as f64).sin_cos();
@@ -117,6 +122,7 @@ impl Peel {
                 let total: f64 = points.iter().map(|(_, sin)| sin).sum();
                 Peeled {
                     index,
+                    remainder,
                     middle: (place(0.5, 0.5).0, solid_angle),
                     gauss: points.map(|(direction, sin)| (direction, solid_angle * sin / total)),
                     radiance,
@@ -124,7 +130,12 @@ impl Peel {
             })
             .collect();
         let extent = (PI / height as f64).max(TAU / width as f64);
-        (Self { texels, extent }, panorama.with_texels(rest))
+        Self { texels, extent }
+    }
+
+    /// Where in the panorama each is, and what is left there.
+    pub(super) fn remainders(&self) -> impl Iterator<Item = (usize, [f32; 3])> + '_ {
+        self.texels.iter().map(|texel| (texel.index, texel.remainder))
     }
 
     /// How many texels were peeled off.

@@ -137,13 +137,13 @@ impl Raw {
         } else {
             (0..height).map(|row| row_solid_angle(width, height, row)).collect()
         };
-        let solid_angle = |i: usize| if is_cube { angles[i % angles.len()] } else { angles[i / width] };
+        let run = if is_cube { 1 } else { width };
         let place = |i: usize| {
             let (face, row) = if is_cube { (i / (width * width), i / width % width) } else { (0, i / width) };
             let of_face = if is_cube { format!(" of face {}", FACES[face]) } else { String::new() };
             format!("texel ({}, {row}){of_face}", i % width)
         };
-        let report = repair(&mut self.texels, policy, self.stated, self.grey, solid_angle, place)?;
+        let report = repair(&mut self.texels, policy, self.stated, self.grey, (&angles, run), place)?;
         let report = InputReport { layout: self.layout, size: self.size, ..report };
         let panorama = if is_cube {
             from_cube(&Cube { size: width, texels: self.texels })?

@@ -76,14 +76,14 @@ pub(super) struct Policy {
     pub to: TargetColour,
 }
 
-/// Repairs the texels and converts their colour. `solid_angle` is that of the texel of an index; `grey` tells that all three channels
+/// Repairs the texels and converts their colour. `angles` are the solid angles of as many runs of `run` texels, and then again; `grey` tells that all three channels
 /// are one, which is then counted once; `place` is where an index is, in words.
 pub(super) fn repair(
     texels: &mut [[f32; 3]],
     policy: Policy,
     stated: Option<Primaries>,
     grey: bool,
-    solid_angle: impl Fn(usize) -> f64,
+    (angles, run): (&[f64], usize),
     place: impl Fn(usize) -> String,
 ) -> Result<InputReport> {
     let channels = if grey { 1 } else { 3 };
@@ -95,7 +95,7 @@ pub(super) fn repair(
         return Err(refusal(nonfinite, texels, place));
     }
     texels.iter_mut().flatten().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
-    let found = flux(texels, &solid_angle);
+    let found = flux(texels, angles, run);
     let min = texels.iter().flatten().copied().fold(f32::INFINITY, f32::min);
     let negative = counted(texels, |v| v < 0.0);
     // Before the conversion, which would spread a false -3894 of one channel over all three.
@@ -122,7 +122,8 @@ pub(super) fn repair(
             ));
         }
     }
-    let flux = flux(texels, &solid_angle);
+    let kept = negative == 0 || policy.negatives == Negatives::Keep;
+    let flux = if kept && (from == primaries || grey) { found } else { flux(texels, angles, run) };
     let min = if min.is_finite() { min } else { 0.0 };
     Ok(InputReport {
         nonfinite,
@@ -143,11 +144,12 @@ fn clamp(texels: &mut [[f32; 3]], negatives: Negatives) {
     }
 }
 
-fn flux(texels: &[[f32; 3]], solid_angle: impl Fn(usize) -> f64) -> [f64; 3] {
+fn flux(texels: &[[f32; 3]], angles: &[f64], run: usize) -> [f64; 3] {
     let mut sum = [0.0; 3];
-    for (i, texel) in texels.iter().enumerate() {
-        let weight = solid_angle(i);
-        (0..3).for_each(|c| sum[c] += f64::from(texel[c]) * weight);
+    for (texels, weight) in texels.chunks(run).zip(angles.iter().cycle()) {
+        for texel in texels {
+            (0..3).for_each(|c| sum[c] += f64::from(texel[c]) * weight);
+        }
     }
     sum
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::chain::DARK_FLOOR;
 use super::cube::{Cube, FACES, face_point, locate, nearest_texel, texel_direction};
+use super::orientation::Orientation;
 use super::zonal::Function;
 
 /// Texels and their weights, which sum to 1. At a corner the last has no weight.
@@ -164,9 +165,14 @@ impl Probe {
 
     /// How far a cube is from the function.
     pub fn judge(&self, cube: &Cube) -> CubeLookup {
+        self.judge_turned(cube, Orientation::default())
+    }
+
+    /// The same of a cube that is turned: places are the world's, the face is the cube's.
+    pub fn judge_turned(&self, cube: &Cube, orientation: Orientation) -> CubeLookup {
         let errors: Vec<[f64; 3]> = (self.directions.par_iter().zip(&self.truth))
             .map(|(direction, truth)| {
-                let seen = cube.filtered(*direction);
+                let seen = cube.filtered(orientation.lookup(*direction));
                 std::array::from_fn(|c| {
                     let scale = truth[c].abs().max(DARK_FLOOR * self.mean[c].abs());
                     if seen[c] == truth[c] { 0.0 } else { (seen[c] - truth[c]).abs() / scale }
@@ -187,7 +193,7 @@ impl Probe {
             rms: squares.sqrt(),
             max,
             worst_towards: direction.to_array(),
-            worst_face: FACES[locate(direction).0].to_owned(),
+            worst_face: FACES[locate(orientation.lookup(direction)).0].to_owned(),
             points: self.directions.len(),
         }
     }

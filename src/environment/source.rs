@@ -10,7 +10,7 @@ use super::raw::Raw;
 use super::repair::{InputReport, Negatives, NonFinite, Policy};
 use crate::colour::TargetColour;
 use crate::error::{Error, Result};
-use crate::format::{FileKind, Image, decode_image, ktx2, read_image};
+use crate::format::{Decoded, FileKind, Image, Texture, decode, read_image};
 
 /// What a built-in environment's name begins with.
 pub const BUILTIN_PREFIX: &str = "builtin:";
@@ -28,7 +28,7 @@ pub struct Reading {
     pub to: TargetColour,
 }
 
-/// The panorama that `input` names: `builtin:NAME`; the path of an `.hdr`, an `.exr` or a `.ktx2`; six files as one of them
+/// The panorama that `input` names: `builtin:NAME`; the path of an `.hdr`, an `.exr`, or of a texture (`.ktx2`, `.ktx`, `.dds`, `.env`); six files as one of them
 /// (`sky_px.hdr`), as a pattern (`sky_%s.hdr`) or as their folder. A cube becomes a panorama as [`mod@super::from_cube`] says.
 ///
 /// **Errors**: a file that cannot be read, is no environment, is not of the layout asked for, or holds values that the policies
@@ -52,18 +52,42 @@ pub fn load(input: &str, reading: &Reading) -> Result<(Panorama, InputReport)> {
 fn read_one(path: &Path, asked: InputLayout) -> Result<Raw> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
     let in_file = |e: Error| e.in_file(path);
-    if FileKind::of(&bytes) == FileKind::Ktx2 {
-        let texture = ktx2::decode(&bytes).map_err(in_file)?;
-        drop(bytes);
-        return Raw::of_texture(&texture, asked).map_err(in_file);
-    }
-    let image = decode_image(&bytes).map_err(in_file)?;
+    let kind = FileKind::of(&bytes);
+    let decoded = decode(&bytes).map_err(in_file)?;
     drop(bytes);
+    let image = match decoded {
+        Decoded::Picture(image, _) => image,
+        Decoded::Texture(texture) => {
+            check_is_light(kind, &texture).map_err(in_file)?;
+            return Raw::of_texture(&texture, asked).map_err(in_file);
+        }
+        Decoded::Array(_) => {
+            let problem = format!("{}, where an environment is wanted", kind.text());
+            return Err(in_file(Error::unsupported(problem, "give a picture or a cube, such as .exr, .hdr or .ktx2")));
+        }
+    };
     let is_face = image.width == image.height && face_files::is_face(path);
     if asked == InputLayout::Cube && face_files::is_face(path) || asked == InputLayout::Auto && is_face {
         return read_faces(face_files::beside(path)?, asked);
     }
     Raw::of_image(&image, asked).map_err(in_file)
+}
+
+/// Numbers of 8 or 16 bits are light only where it is said that their curve is none; a PNG's is anything.
+fn check_is_light(kind: FileKind, texture: &Texture) -> Result<()> {
+    if kind == FileKind::Png && texture.format.number().is_some() {
+        return Err(Error::unsupported(
+            format!("a PNG picture of {}, whose values are of an unknown curve and end at 1", texture.format),
+            "give an OpenEXR (.exr) or Radiance HDR (.hdr) file",
+        ));
+    }
+    if texture.array_layers > 1 {
+        return Err(Error::unsupported(
+            format!("an array of {} layers, where an environment is wanted", texture.array_layers),
+            "extract one layer",
+        ));
+    }
+    Ok(())
 }
 
 fn read_faces(paths: [PathBuf; 6], asked: InputLayout) -> Result<Raw> {

@@ -54,10 +54,13 @@ pub const ORDER: [&str; 9] = ["1", "y", "z", "x", "xy", "yz", "3z^2-1", "xz", "x
 /// A_l/π of the clamped cosine for each coefficient.
 pub const COSINE_LOBE: [f64; 9] = [1.0, 2.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0, 0.25, 0.25, 0.25, 0.25, 0.25];
 
+/// √(1/4π), √(3/4π), √(15/4π), √(5/16π), √(15/16π).
+const FACTORS: [f64; 5] =
+    [0.28209479177387814, 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.5462742152960396];
+
 /// √(1/4π), √(3/4π), √(15/4π), √(5/16π), √(15/16π), one for each polynomial of [`ORDER`].
 pub fn normalisation() -> [f64; 9] {
-    let [band0, band1] = [1.0, 3.0].map(|n: f64| (n / (4.0 * PI)).sqrt());
-    let [mixed, zonal, squares] = [15.0 / 4.0, 5.0 / 16.0, 15.0 / 16.0].map(|n: f64| (n / PI).sqrt());
+    let [band0, band1, mixed, zonal, squares] = FACTORS;
     [band0, band1, band1, band1, mixed, mixed, zonal, mixed, squares]
 }
 
@@ -73,6 +76,12 @@ pub fn basis(direction: DVec3) -> [f64; 9] {
 pub fn evaluate(coefficients: &Coefficients, direction: DVec3) -> [f64; 3] {
     let basis = basis(direction);
     std::array::from_fn(|c| (0..9).map(|i| coefficients[i][c] * basis[i]).sum())
+}
+
+/// The factors of the polynomials of [`ORDER`]: each coefficient times its normalisation, so that a shader needs no constants.
+pub fn polynomial(coefficients: &Coefficients) -> Coefficients {
+    let norm = normalisation();
+    std::array::from_fn(|i| coefficients[i].map(|v| norm[i] * v))
 }
 
 /// The exact coefficients of a panorama.
@@ -156,12 +165,17 @@ fn project_radiance(panorama: &Panorama) -> Coefficients {
 
 /// Compares coefficients of E/π with an exact irradiance cube, at its texel centres.
 pub fn judge(coefficients: &Coefficients, exact: &Cube) -> IrradianceFit {
+    judge_function(&|direction| evaluate(coefficients, direction), exact)
+}
+
+/// Compares any function of the direction with an exact irradiance cube, at its texel centres.
+pub fn judge_function(function: &dyn Fn(DVec3) -> [f64; 3], exact: &Cube) -> IrradianceFit {
     let weights = super::cube::solid_angles(exact.size);
     let (mut min, mut max) = (f64::INFINITY, 0.0f64);
     let (mut errors, mut squares) = (0.0, 0.0);
     let floor = 1e-3 * exact.texels.iter().flatten().fold(0.0, |m, v| f64::max(m, f64::from(v.abs())));
     for (index, texel) in exact.texels.iter().enumerate() {
-        let fit = evaluate(coefficients, texel_direction(exact.size, index));
+        let fit = function(texel_direction(exact.size, index));
         let weight = weights[index % weights.len()];
         for c in 0..3 {
             let wanted = f64::from(texel[c]);
@@ -210,6 +224,13 @@ mod tests {
             let error = (got[k][c] - wanted[k][c]).abs();
             assert!(error < tolerance, "{}: {} wanted {} ± {tolerance}", ORDER[k], got[k][c], wanted[k][c]);
         }
+    }
+
+    #[test]
+    fn factors_are_square_roots() {
+        let [band0, band1] = [1.0, 3.0].map(|n: f64| (n / (4.0 * PI)).sqrt());
+        let [mixed, zonal, squares] = [15.0 / 4.0, 5.0 / 16.0, 15.0 / 16.0].map(|n: f64| (n / PI).sqrt());
+        assert_eq!(FACTORS, [band0, band1, mixed, zonal, squares]);
     }
 
     #[test]

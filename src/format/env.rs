@@ -156,7 +156,11 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
     }
     let n_levels = info.specular.mipmaps.len() / 6;
     let is_size = info.width.is_power_of_two() && info.width <= 1 << 16;
-    if !is_size || n_levels == 0 || n_levels > info.width.ilog2() as usize + 1 || info.specular.mipmaps.len() % 6 != 0 {
+    if !is_size
+        || n_levels == 0
+        || n_levels > info.width.ilog2() as usize + 1
+        || !info.specular.mipmaps.len().is_multiple_of(6)
+    {
         return Err(broken(format!("has {} pictures for a cube of {}²", info.specular.mipmaps.len(), info.width)));
     }
     let mut texture = Texture::empty_cube(TexelFormat::Rgbd, info.width);

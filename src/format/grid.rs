@@ -412,7 +412,7 @@ impl Grid {
 
     /// An array whose axes are known; the last is that of a texel where the file names its channels, or where it is short.
     fn of_numbers(array: Array, source: &str, described: &Described) -> Result<Self> {
-        let stored = array.number.map_or(Stored::F64, |number| Stored::of_number(number));
+        let stored = array.number.map_or(Stored::F64, Stored::of_number);
         let named = (!array.channels.is_empty()).then_some(array.channels);
         let mut shape = array.shape;
         if let (Some(names), None) = (&named, described.shape) {
@@ -557,7 +557,7 @@ impl Grid {
         let Some(shape) = shape.filter(|s| s.size != self.size) else { return Ok(self) };
         let ([w, h, d], [width, height, _]) = (shape.size, self.size);
         let columns = width / w.max(1);
-        if self.size[2] != 1 || width % w != 0 || height % h != 0 || columns * (height / h) < d {
+        if self.size[2] != 1 || !width.is_multiple_of(w) || !height.is_multiple_of(h) || columns * (height / h) < d {
             return Err(Error::invalid(
                 format!(
                     "{} texels, which are not slices of {w} × {h}, {d} of them",
@@ -614,7 +614,7 @@ const CLEARLY_SMOOTHER: f64 = 1.3;
 fn guess_shape(values: &[f64], n: usize, planar: bool) -> Result<Shape> {
     let mut shapes = vec![];
     for channels in 1..=4 {
-        if n % channels != 0 {
+        if !n.is_multiple_of(channels) {
             continue;
         }
         let texels = n / channels;
@@ -635,6 +635,12 @@ fn guess_shape(values: &[f64], n: usize, planar: bool) -> Result<Shape> {
     match rated[..] {
         [(_, only)] => Ok(only),
         [(best, shape), (next, _), ..] if next > CLEARLY_SMOOTHER * best => Ok(shape),
+        // A smooth row looks as smooth when it is taken for several channels: take it for one.
+        [(best, _), ..]
+            if alike(&rated, best).all(|s| s.size[1] == 1) && alike(&rated, best).any(|s| s.channels == 1) =>
+        {
+            Ok(Shape { size: [n, 1, 1], channels: 1 })
+        }
         _ => Err(Error::usage(
             format!("{n} numbers without a shape"),
             format!(
@@ -643,6 +649,11 @@ fn guess_shape(values: &[f64], n: usize, planar: bool) -> Result<Shape> {
             ),
         )),
     }
+}
+
+/// The shapes that are about as smooth as the best.
+fn alike(rated: &[(f64, Shape)], best: f64) -> impl Iterator<Item = &Shape> {
+    rated.iter().filter(move |(roughness, _)| *roughness <= CLEARLY_SMOOTHER * best).map(|(_, shape)| shape)
 }
 
 /// Texels of a table over one axis at most, where nothing says that it is one.

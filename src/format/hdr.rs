@@ -43,6 +43,8 @@ pub fn decode(bytes: &[u8]) -> Result<Image> {
     // Grown row by row: a header that promises too much fails at the end of the data, not in the allocator.
     let mut rows: Vec<[f32; 3]> = Vec::new();
     let mut row = vec![[0_u8; 4]; scanline];
+    // 2^(e − 136) of every exponent; 0 is black.
+    let units: [f64; 256] = std::array::from_fn(|e| if e == 0 { 0.0 } else { 2_f64.powi(e as i32 - 136) });
     for y in 0..n_scanlines {
         read_scanline(&mut pixels, &mut row).map_err(|problem| {
             Error::invalid(
@@ -50,17 +52,14 @@ pub fn decode(bytes: &[u8]) -> Result<Image> {
                 "the file is damaged; copy or download it again",
             )
         })?;
-        rows.extend(row.iter().map(|&rgbe| radiance(rgbe, header.exposure)));
+        rows.extend(row.iter().map(|&rgbe| radiance(rgbe, &units, header.exposure)));
     }
-    Ok(header.upright(&rows))
+    Ok(header.upright(rows))
 }
 
 /// The radiance of a pixel; beyond the range of f32 (only ever by a tiny exposure) it is infinite.
-fn radiance([r, g, b, e]: [u8; 4], exposure: [f64; 3]) -> [f32; 3] {
-    if e == 0 {
-        return [0.0; 3];
-    }
-    let unit = 2_f64.powi(i32::from(e) - 136);
+fn radiance([r, g, b, e]: [u8; 4], units: &[f64; 256], exposure: [f64; 3]) -> [f32; 3] {
+    let unit = units[usize::from(e)];
     let channel = |mantissa: u8, exposure: f64| (f64::from(mantissa) * unit / exposure) as f32;
     [channel(r, exposure[0]), channel(g, exposure[1]), channel(b, exposure[2])]
 }
@@ -138,19 +137,24 @@ impl Header {
     }
 
     /// The image whose scanlines are `rows`, row 0 at the top.
-    fn upright(self, rows: &[[f32; 3]]) -> Image {
+    fn upright(self, rows: Vec<[f32; 3]>) -> Image {
         let [n_scanlines, length] = self.size;
         let (width, height) = if self.transposed { (n_scanlines, length) } else { (length, n_scanlines) };
         let flip = |i: usize, n: usize, reversed: bool| if reversed { n - 1 - i } else { i };
-        let mut texels = Vec::with_capacity(3 * rows.len());
-        for y in 0..height {
-            for x in 0..width {
-                let (scanline, position) = if self.transposed { (x, y) } else { (y, x) };
-                let scanline = flip(scanline, n_scanlines, self.reversed[0]);
-                let position = flip(position, length, self.reversed[1]);
-                texels.extend(rows[scanline * length + position]);
+        let texels = if !self.transposed && self.reversed == [false; 2] {
+            rows.into_flattened()
+        } else {
+            let mut texels = Vec::with_capacity(3 * rows.len());
+            for y in 0..height {
+                for x in 0..width {
+                    let (scanline, position) = if self.transposed { (x, y) } else { (y, x) };
+                    let scanline = flip(scanline, n_scanlines, self.reversed[0]);
+                    let position = flip(position, length, self.reversed[1]);
+                    texels.extend(rows[scanline * length + position]);
+                }
             }
-        }
+            texels
+        };
         let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
         Image { width, height, channels, texels, metadata: self.metadata, primaries: self.primaries }
     }

@@ -77,6 +77,23 @@ impl FileKind {
         }
     }
 
+    /// The name of the format.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exr => "OpenEXR",
+            Self::Hdr => "Radiance HDR",
+            Self::Ktx2 => "KTX2",
+            Self::Ktx1 => "KTX 1",
+            Self::Dds => "DDS",
+            Self::Png => "PNG",
+            Self::Env => "Babylon.js environment",
+            Self::Npy => "NumPy array",
+            Self::Source => "source code",
+            Self::Empty => "nothing",
+            Self::Other(kind) => kind,
+        }
+    }
+
     /// What it is, in words and with its article.
     pub fn text(self) -> &'static str {
         match self {

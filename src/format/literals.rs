@@ -260,14 +260,22 @@ fn declaration(before: &[Token]) -> (String, Vec<usize>, Vec<String>) {
     {
         return (name.to_owned(), vec![], words);
     }
-    let Some(equals) = statement.iter().rposition(|t| *t == Token::Mark('=')) else {
-        return (String::new(), vec![], words);
-    };
+    // C++ may initialise without `=`.
+    let equals = statement.iter().rposition(|t| *t == Token::Mark('=')).unwrap_or(statement.len());
     let left = &statement[..equals];
     // `const NAME: TYPE =` names before the colon, `TYPE NAME[64][2] =` last before its dimensions.
     let typed = left.iter().position(|t| *t == Token::Mark(':'));
     let name_end = typed.unwrap_or(left.len());
-    let name_at = left[..name_end].iter().rposition(|t| matches!(t, Token::Word(_)));
+    // Words within the dimensions are their constants.
+    let mut depth = 0;
+    let name_at = (0..name_end).rev().find(|&i| {
+        match left[i] {
+            Token::Mark(']') => depth += 1,
+            Token::Mark('[') => depth -= 1,
+            _ => {}
+        }
+        depth <= 0 && matches!(left[i], Token::Word(_))
+    });
     let name =
         name_at.map_or(String::new(), |i| if let Token::Word(w) = left[i] { w.to_owned() } else { String::new() });
     let dimensions = match (typed, name_at) {
@@ -325,8 +333,8 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
             at += 1;
         } else if rest.starts_with("//") || (byte == b'#' && !rest.starts_with("#[")) {
             at += rest.find('\n').unwrap_or(rest.len());
-        } else if rest.starts_with("/*") {
-            at += rest[2..].find("*/").map_or(rest.len(), |end| end + 4);
+        } else if let Some(comment) = rest.strip_prefix("/*") {
+            at += comment.find("*/").map_or(rest.len(), |end| end + 4);
         } else if matches!(byte, b'"' | b'`') {
             let end = string_end(&bytes[at..]);
             tokens.push(Token::Text(text.get(at + 1..at + end - 1).unwrap_or_default()));
@@ -425,6 +433,7 @@ mod tests {
             "const dfg = new Uint16Array([0x3800, 0x3400, 0x3c00, 0x3000]);",
             "static const uint16_t dfg[4] = {14336, 13312, 15360, 12288};",
             "uint32_t dfg[] = {0x3f000000u, 0x3e800000u, 0x3f800000u, 0x3e000000u};",
+            "constexpr float dfg[ROWS * COLUMNS]{0.5f, 0.25f, 1.0f, 0.125f};",
             "let dfg = [f16::from_bits(0x3800), f16::from_bits(0x3400), f16::from_bits(0x3c00), f16::from_bits(0x3000)];",
         ] {
             let found = only(text);

@@ -180,6 +180,24 @@ pub struct Array {
     pub metadata: Vec<(String, String)>,
 }
 
+impl Array {
+    /// Columns, rows, pictures (whatever stands before) and channels. The last of three axes or more is that of the channels.
+    pub fn extent(&self) -> [usize; 4] {
+        let (channels, rest) = match &self.shape[..] {
+            [rest @ .., last] if rest.len() >= 2 => (*last, rest),
+            all => (1, all),
+        };
+        let from_end = |i: usize| rest.len().checked_sub(i).and_then(|at| rest.get(at)).copied().unwrap_or(1);
+        let pictures = rest.iter().rev().skip(2).product();
+        [from_end(1), from_end(2), pictures, channels]
+    }
+
+    /// What the metadata says under `key`.
+    pub fn metadata(&self, key: &str) -> Option<&str> {
+        self.metadata.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str())
+    }
+}
+
 impl Decoded {
     /// How texels were stored; nothing for an array of numbers that Kiln does not write.
     pub fn format(&self) -> Option<TexelFormat> {

@@ -237,28 +237,15 @@ fn what(hypothesis: &Hypothesis) -> String {
 /// What is wrong with the places of texels.
 fn faults(ramp: &Ramp) -> Vec<String> {
     let name = ramp.parameter;
-    let texels = |shift: f64| {
-        let n = shift.abs();
-        // A ramp's part grows with the parameter or against it: what is told is where the values went.
-        let words = if n == 1.0 { "1 texel".to_owned() } else { format!("{n} texels") };
-        format!("shifted by {words} in {name}")
-    };
-    match ramp.place() {
-        Some(Place::Centre(shift) | Place::Edge(shift)) if shift != 0.0 => vec![texels(shift)],
-        Some(_) => vec![],
-        None => {
-            let n = ramp.size as f64;
-            let stretch = ramp.step * n;
-            let middle = ramp.first * n + stretch * 0.5 * (n - 1.0) / n * n / n - 0.5 * n;
-            let own_range = ramp.parameter.range().is_some();
-            if (stretch - 1.0).abs() < 0.4 / n {
-                vec![texels((middle * 100.0).round() / 100.0)]
-            } else if own_range && stretch < 1.0 {
-                vec![format!("cropped in {name}")]
-            } else {
-                vec![]
-            }
+    match ramp.shift() {
+        Some(0.0) => vec![],
+        Some(shift) => {
+            let n = shift.abs();
+            let texels = if n == 1.0 { "1 texel".to_owned() } else { format!("{n} texels") };
+            vec![format!("shifted by {texels} in {name}")]
         }
+        None if name.range().is_some() && ramp.step * (ramp.size as f64) < 1.0 => vec![format!("cropped in {name}")],
+        None => vec![],
     }
 }
 
@@ -275,6 +262,12 @@ fn axes(hypothesis: &Hypothesis) -> Vec<AxisFinding> {
                 Some(Place::Centre(_)) => "texels hold their centres",
                 Some(Place::Edge(_)) => "the outermost texels hold the ends",
                 None => "neither centres nor edges of the whole range",
+            };
+            let place = match ramp.shift() {
+                Some(shift) if shift != 0.0 => {
+                    format!("{place}, but each has the value that belongs {shift:+} texels further up the axis")
+                }
+                _ => place.to_owned(),
             };
             let order = if ramp.flip { "flipped, " } else { "" };
             let text = format!("{}, {order}{place}", axis.warp);

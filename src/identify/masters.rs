@@ -6,7 +6,7 @@
 //! quadrature.
 
 use super::cache;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::integrate::{Integration, Settings};
 use crate::math::warp::Warp;
 use crate::model::charlie::Visibility;
@@ -55,6 +55,8 @@ pub struct Master {
 
 /// What values of a master may be off by.
 const TOLERANCE: f64 = 1e-5;
+/// The same where every value is an integral of integrals.
+const TOLERANCE_OF_AVERAGES: f64 = 1e-3;
 /// Points of a value that only Monte Carlo knows.
 const SAMPLES: u64 = 4096;
 
@@ -73,7 +75,8 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
     let plain = Model::default();
     let smith = |smith| Model { smith, ..plain };
     let visibility = |visibility| Model { visibility, ..plain };
-    let mut list: Vec<(&str, Vec<Axis>, &[(P, f64)], Model)> = vec![];
+    type Row = (&'static str, Vec<Axis>, &'static [(Parameter, f64)], Model);
+    let mut list: Vec<Row> = vec![];
     match n_axes {
         1 => {
             for s in Smith::ALL {
@@ -109,15 +112,15 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
             list.push(("fresnel.dielectric", vec![mu(97), inside(65)], &[], plain));
             let (n, k) = (axis(P::N, 49, Warp::Sqrt, Some((0.01, 8.0))), axis(P::K, 49, Warp::Sqrt, Some((0.0, 16.0))));
             list.push(("fresnel.conductor_avg", vec![n, k], &[], plain));
-            list.push(("dielectric.albedo_avg", vec![roughness(9), outside(13)], &[], plain));
-            list.push(("dielectric.albedo_avg", vec![roughness(9), inside(13)], &[], plain));
+            list.push(("dielectric.albedo_avg", vec![roughness(7), outside(9)], &[], plain));
+            list.push(("dielectric.albedo_avg", vec![roughness(7), inside(9)], &[], plain));
         }
         _ => {
             for eta in [outside(13), inside(13)] {
                 list.push(("dielectric.albedo", vec![mu(21), roughness(13), eta], &[], plain));
             }
             list.push(("eon.albedo", vec![mu(25), linear(P::Roughness, 9), linear(P::Rho, 9)], &[], plain));
-            list.push(("compensation.none", vec![mu(25), roughness(13), linear(P::F0, 5)], &[], plain));
+            list.push(("compensation.none", vec![mu(17), roughness(9), linear(P::F0, 3)], &[], plain));
             for kd in [Kd::Fresnel, Kd::Albedo, Kd::Reciprocal] {
                 let model = Model { kd, ..plain };
                 list.push(("layered.albedo", vec![mu(21), roughness(13), linear(P::F0, 5)], &[(P::Rho, 0.8)], model));
@@ -181,8 +184,10 @@ pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
 
 fn integrate(definition: &Definition) -> Result<Vec<f64>> {
     let family = definition.handle.family;
+    let slow = ["dielectric.albedo_avg", "compensation.none"].contains(&definition.handle.quantity.name);
     let settings = if family.has_quadrature() {
-        Settings { tolerance: Some(TOLERANCE), ..Settings::default() }
+        let tolerance = if slow { TOLERANCE_OF_AVERAGES } else { TOLERANCE };
+        Settings { tolerance: Some(tolerance), ..Settings::default() }
     } else {
         Settings { samples: Some(SAMPLES), ..Settings::default() }
     };
@@ -196,12 +201,24 @@ fn integrate(definition: &Definition) -> Result<Vec<f64>> {
                 at.set(axis.parameter, axis.value(rest % axis.size));
                 rest /= axis.size;
             }
-            let estimates = evaluate_family(family, &at, &definition.model, &integration)?;
-            // Where a quantity diverges, no table holds its value either.
-            Ok(estimates.into_iter().map(|e| if e.value.is_finite() { e.value } else { 0.0 }).collect())
+            match evaluate_family(family, &at, &definition.model, &integration) {
+                Ok(estimates) => Ok(estimates.into_iter().map(|e| e.value).collect()),
+                Err(Error::Unsupported(_)) => Ok(vec![f64::NAN; definition.quantities().len()]), // it diverges there
+                Err(other) => Err(other),
+            }
         })
         .collect::<Result<_>>()?;
-    Ok(rows.concat())
+    let mut values = rows.concat();
+    // Where a quantity diverges, no table holds its value either: the next node's does for interpolation beside it.
+    let n_quantities = definition.quantities().len();
+    for i in (0..values.len()).rev().filter(|&i| !rows_finite(&rows, i, n_quantities)) {
+        values[i] = values.get(i + n_quantities).copied().filter(|v| v.is_finite()).unwrap_or(0.0);
+    }
+    Ok(values)
+}
+
+fn rows_finite(rows: &[Vec<f64>], value: usize, n_quantities: usize) -> bool {
+    rows[value / n_quantities][value % n_quantities].is_finite()
 }
 
 /// Four neighbouring nodes and their weights: a cubic polynomial through them.

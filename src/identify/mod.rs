@@ -112,6 +112,8 @@ const JUDGED: [usize; 3] = [512, 48, 12];
 
 /// Residuals, in parts of a channel's variation, below which no further masters are asked.
 const GOOD: f64 = 0.01;
+/// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
+const HOPELESS: f64 = 0.5;
 
 /// Finds out what `grid` holds.
 ///
@@ -183,7 +185,10 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
             continue;
         }
         let open: Vec<usize> = (0..channels.len())
-            .filter(|&c| fitted[c].first().is_none_or(|(h, _)| h.relative(&channels[c]) > GOOD))
+            .filter(|&c| {
+                let relative = |(h, _): &(Hypothesis, f64)| h.relative(&channels[c]);
+                fitted[c].first().map(relative).is_none_or(|left| left > GOOD && left < HOPELESS)
+            })
             .collect();
         if open.is_empty() {
             break;

@@ -92,6 +92,20 @@ impl Ramp {
         })
     }
 
+    /// By how many texels the values are off along the axis, if they are as far apart as texels of the whole range.
+    pub fn shift(&self) -> Option<f64> {
+        let n = self.size as f64;
+        match self.place() {
+            Some(Place::Centre(shift) | Place::Edge(shift)) => Some(shift),
+            None if self.parameter.range().is_none() => None, // whose range nobody knows
+            None => {
+                let middle = (self.first + 0.5 * self.step * (n - 1.0) - 0.5) * n;
+                // Less than half a texel over the whole length.
+                ((self.step * n - 1.0).abs() < 0.5 / n).then(|| (middle * 100.0).round() / 100.0)
+            }
+        }
+    }
+
     /// The axis as a recipe has it: shifts by texels are left out, as they are faults; whatever else was fitted becomes a range.
     pub fn axis(&self) -> Axis {
         let axis = Axis { warp: self.warp, flip: self.flip, ..Axis::new(self.parameter, self.size) };
@@ -100,6 +114,7 @@ impl Ramp {
         match self.place() {
             Some(Place::Centre(_)) => Axis { range: range(self.range.0, self.range.1), ..axis },
             Some(Place::Edge(_)) => Axis { sampling: Sampling::Edge, range: range(self.range.0, self.range.1), ..axis },
+            None if self.shift().is_some() => axis,
             None => {
                 let ends = [self.first - 0.5 * self.step, self.first + self.step * (self.size as f64 - 0.5)];
                 let tidy = |v: f64| if v.is_finite() { (v * 1e5).round() / 1e5 } else { v };

@@ -192,12 +192,17 @@ const KNOWN: [(f64, f64); 12] = [
     (1.0 / 255.0, 0.0),
 ];
 
-/// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price.
-fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64) -> (Encoding, f64, f64) {
+/// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price, which is infinite
+/// where it is clear that it exceeds `limit`.
+fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: f64) -> (Encoding, f64, f64) {
     let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
     let weights = vec![1.0; values.len()];
     let (a, b) = affine(values, predicted, &weights);
     let any = trimmed(values, predicted, a, b);
+    // No known factor fits much better than the best of all: what is dear with that need not be looked at further.
+    if 0.8 * (any + floor) * price_of_curve > limit {
+        return (Encoding { scale: a, offset: b, curve }, any, f64::INFINITY);
+    }
     let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
     for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
         let residual = trimmed(values, predicted, scale, offset);
@@ -211,7 +216,7 @@ fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64) -> (Enc
 }
 
 /// Indices along each dimension while everything is tried.
-const COARSE: [usize; 3] = [24, 11, 6];
+const COARSE: [usize; 3] = [24, 9, 6];
 /// Indices along each dimension while the best are fitted.
 const FINE: [usize; 3] = [128, 24, 10];
 /// What interpolation between a master's nodes is off by: residuals below it decide nothing.
@@ -327,7 +332,8 @@ fn try_all(
     channels: &[Data],
 ) -> Vec<(usize, f64, Hypothesis)> {
     let nodes = &master.definition.nodes;
-    let both = sizes.len() < 3;
+    // Half a texel is found by fitting, unless texels are few.
+    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
     let per_dimension: Vec<Vec<Ramp>> =
         varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both)).collect();
     let mut combinations: Vec<Vec<Ramp>> = vec![vec![]];
@@ -352,8 +358,9 @@ fn try_all(
             let predicted = hypothesis.predict(choice);
             for (c, curve, values) in values {
                 let floor = MASTER_ERROR + channels[*c].rounding;
-                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor);
                 let list = &mut best[*c];
+                let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].0 };
+                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor, limit);
                 if list.len() < KEPT || list.last().is_none_or(|last| cost < last.0) {
                     (hypothesis.encoding, hypothesis.residual) = (encoding, residual);
                     let at = list.partition_point(|(known, _)| *known < cost);
@@ -392,7 +399,7 @@ pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64
 /// The same hypothesis with the best encoding.
 pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
     let predicted = hypothesis.predict(choice);
-    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor);
+    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor, f64::INFINITY);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 
@@ -481,9 +488,8 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
         let pivot = a[i][i];
         for j in i + 1..n {
             let factor = a[j][i] / pivot;
-            for k in i..n {
-                a[j][k] -= factor * a[i][k];
-            }
+            let (above, below) = a.split_at_mut(j);
+            below[0][i..].iter_mut().zip(&above[i][i..]).for_each(|(b, a)| *b -= factor * a);
             x[j] -= factor * x[i];
         }
     }

@@ -134,14 +134,39 @@ impl GradedRules {
     /// The rule for singularities at distance `scale` (in parts of the interval) from the end 0.
     pub fn at_scale(&self, scale: f64) -> &Rule {
         let step = step_of_scale(scale);
-        self.rules[step].get_or_init(|| {
+        let rule = self.rules[step].get_or_init(|| {
             let mut rule = graded(step as f64 * LENGTH_STEP, self.digits);
             for (x, w) in rule.nodes.iter_mut().zip(&mut rule.weights) {
                 let (value, factor) = (self.map)(*x);
                 (*x, *w) = (value, *w * factor);
             }
             rule
-        })
+        });
+        #[cfg(test)]
+        nodes_asked_for::add(rule.nodes.len());
+        rule
+    }
+}
+
+/// A count for tests of what an integral costs: every rule that is asked for is summed once, so that the nodes of all are the
+/// evaluations of the integrand, and of what surrounds it. Nothing of it is left in a build that is no test.
+#[cfg(test)]
+pub(crate) mod nodes_asked_for {
+    use std::cell::Cell;
+
+    thread_local! {
+        static COUNT: Cell<u64> = const { Cell::new(0) };
+    }
+
+    pub(super) fn add(nodes: usize) {
+        COUNT.set(COUNT.get() + nodes as u64);
+    }
+
+    /// The nodes that `run` asks for on this thread.
+    pub(crate) fn during(run: impl FnOnce()) -> u64 {
+        let before = COUNT.get();
+        run();
+        COUNT.get() - before
     }
 }
 

@@ -127,9 +127,10 @@ impl Number {
         }
     }
 
-    /// Whether every value from `low` to `high` packs to the same number.
+    /// Whether every value from `low` to `high` packs to the same number: a zero of either sign is the same one, and NaN is none.
     pub fn rounds_alike(self, low: f64, high: f64) -> bool {
-        self.pack(&[low]).0 == self.pack(&[high]).0
+        let packed = |value: f64| self.unpack(&self.pack(&[value]).0);
+        packed(low) == packed(high)
     }
 
     /// Spacing of the format's numbers at `value`: one unit in the last place.
@@ -237,6 +238,14 @@ pub(crate) mod tests {
             assert_eq!(serde_json::to_string(&number).unwrap(), format!("\"{number}\""));
         }
         assert!("f64".parse::<Number>().unwrap_err().to_string().ends_with("; use one of f32, f16, unorm8, unorm16"));
+    }
+
+    #[test]
+    fn values_round_alike_where_no_tie_lies_between_them() {
+        let tie = 2.0_f64.powi(-25); // between 0 and the smallest half
+        assert!(Number::F16.rounds_alike(-1e-20, 1e-20) && Number::F16.rounds_alike(-tie, tie));
+        assert!(!Number::F16.rounds_alike(tie, tie.next_up()) && !Number::F16.rounds_alike(f64::NAN, f64::NAN));
+        assert!(Number::Unorm8.rounds_alike(-1.0, 1e-3) && !Number::Unorm8.rounds_alike(0.0, 2e-3));
     }
 
     #[test]

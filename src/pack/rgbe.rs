@@ -81,7 +81,7 @@ mod tests {
     fn mantissas_are_the_nearest_under_the_least_exponent() {
         let mut random = Random(17);
         for _ in 0..20_000 {
-            let scale = 2_f64.powi(random.below(260) as i32 - 135);
+            let scale = 2_f64.powi(random.below(240) as i32 - 118);
             let texel = [0; 3].map(|_| random.unit() * scale).map(|v| v.min(MAX));
             let (bytes, report) = pack(&texel);
             let got = value([bytes[0], bytes[1], bytes[2], bytes[3]]);
@@ -94,7 +94,7 @@ mod tests {
     fn a_mantissa_that_rounds_up_takes_the_next_exponent_and_nothing_wraps_around() {
         assert_eq!(pack(&[255.5, 1.0, 0.0]).0, [128, 0, 0, 137]);
         assert_eq!(pack(&[255.4, 1.0, 0.0]).0, [255, 1, 0, 136]);
-        assert_eq!(pack(&[1e-39, 0.0, 0.0]).0, [87, 0, 0, 1]);
+        assert_eq!(pack(&[1e-39, 0.0, 0.0]).0, [44, 0, 0, 1]);
         assert_eq!(pack(&[1e-45, 0.0, 0.0]).0, [0; 4]);
         assert_eq!(pack(&[2_f64.powi(-135); 3]).0, [0; 4]);
         let (bytes, report) = pack(&[1e300, f64::INFINITY, -1.0]);

@@ -4,6 +4,7 @@
 
 use super::quantity::{Parameter, near_matches};
 use crate::error::{Error, Result};
+use crate::math::expression::Expression;
 use crate::math::warp::Warp;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -38,12 +39,15 @@ pub struct Axis {
     pub sampling: Sampling,
     /// Whether the texture coordinate runs backwards.
     pub flip: bool,
+    /// Texels by which the content is displaced: texel i holds what belongs at i + shift, up to the end of the range. 0 in a right
+    /// table; another value reproduces a published one that is not.
+    pub shift: f64,
 }
 
 impl Axis {
     /// `size` texel centres, even in the parameter itself, smallest first.
     pub fn new(parameter: Parameter, size: usize) -> Self {
-        Self { parameter, size, range: None, warp: Warp::Linear, sampling: Sampling::Centre, flip: false }
+        Self { parameter, size, range: None, warp: Warp::Linear, sampling: Sampling::Centre, flip: false, shift: 0.0 }
     }
 
     /// Smallest and largest value of the parameter along the axis, if it is known where it ends.
@@ -68,21 +72,46 @@ impl Axis {
         let t = (self.warp.forward(x) - first) / (last - first);
         let t = if self.flip { 1.0 - t } else { t };
         let n = self.size as f64;
-        match self.sampling {
+        let aligned = match self.sampling {
             Sampling::Centre => t * n - 0.5,
             Sampling::Edge => t * (n - 1.0),
-        }
+        };
+        aligned - self.shift
+    }
+
+    /// The parameter `x` kept within the range, as shader code: a cosine that rounding has made larger than 1 must not become NaN.
+    pub fn kept_within(&self, x: Expression) -> Expression {
+        /// Stands for infinity, which a shader does not have: (x − 1)/(x + 1) is 1 there.
+        const FAR: f64 = 1e30;
+        let (low, high) = self.ends();
+        x.clamp(low, high.min(FAR))
+    }
+
+    /// The texture coordinate of a parameter `x` that is within the range, as shader code: texel i is at (i + ½)/n.
+    ///
+    /// What [`Axis::position`] computes, in the order that loses nothing to f32: the beginning of the range is taken off first.
+    pub fn coordinate(&self, x: Expression) -> Expression {
+        let (first, last) = self.warped_ends();
+        let n = self.size as f64;
+        let (scale, offset) = match self.sampling {
+            Sampling::Centre => (1.0, 0.0),
+            Sampling::Edge => ((n - 1.0) / n, 0.5 / n),
+        };
+        let along = (self.warp.expression(x) - first) * (scale / (last - first));
+        if self.flip { Expression::from(1.0 - offset) - along } else { along + offset }
     }
 
     /// The parameter at a position in texels; beyond the outermost texels as far as the range goes.
     pub fn value_at_position(&self, position: f64) -> f64 {
         let n = self.size as f64;
+        let position = position + self.shift;
         let t = match self.sampling {
             Sampling::Centre => (position + 0.5) / n,
             Sampling::Edge => position / (n - 1.0),
         };
         let t = if self.flip { 1.0 - t } else { t };
-        self.parameter_at(t.clamp(0.0, 1.0)) // a position half a texel outside is the end of the range
+        // A position half a texel outside, or shifted beyond the last texel, is the end of the range.
+        self.parameter_at(t.clamp(0.0, 1.0))
     }
 
     /// The parameter at the texture coordinate `t`, both ends exactly.
@@ -142,6 +171,12 @@ impl Axis {
                 "use at least 2 texels, or sampling `centre`",
             ));
         }
+        if !self.shift.is_finite() || self.shift.abs() >= self.size as f64 {
+            return Err(Error::usage(
+                format!("a shift of {} texels leaves nothing of the {} of axis {name}", self.shift, self.size),
+                "leave it out, or use a small one such as shift+1",
+            ));
+        }
         self.check_range()
     }
 
@@ -186,12 +221,15 @@ impl fmt::Display for Axis {
             write!(f, ":{low}..{high}")?;
         }
         write!(f, ":{}:{sampling}", self.warp)?;
-        if self.flip { f.write_str(":flip") } else { Ok(()) }
+        if self.flip {
+            f.write_str(":flip")?;
+        }
+        if self.shift == 0.0 { Ok(()) } else { write!(f, ":shift{:+}", self.shift) }
     }
 }
 
-/// An axis as a user writes it: `PARAMETER[:SIZE][:LOW..HIGH][:WARP][:centre|edge][:flip]`, the parts after the first in any
-/// order. A size of 0 stands for one that was not given.
+/// An axis as a user writes it: `PARAMETER[:SIZE][:LOW..HIGH][:WARP][:centre|edge][:flip][:shift±TEXELS]`, the parts after the
+/// first in any order. A size of 0 stands for one that was not given.
 impl FromStr for Axis {
     type Err = Error;
 
@@ -215,6 +253,8 @@ impl FromStr for Axis {
                 part.split_once("..").and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)))
             {
                 axis.range = Some(range);
+            } else if let Some(shift) = part.strip_prefix("shift").and_then(|texels| texels.parse().ok()) {
+                axis.shift = shift;
             } else {
                 match part {
                     "centre" | "center" => axis.sampling = Sampling::Centre,
@@ -283,6 +323,23 @@ mod tests {
     }
 
     #[test]
+    fn the_shader_code_finds_the_position_that_the_axis_has() {
+        for axis in every_axis() {
+            let code = axis.coordinate(axis.kept_within(Expression::variable("x")));
+            for i in 0..=100 {
+                let x = axis.value_at_position(f64::from(i) / 100.0 * axis.size as f64 - 0.5);
+                let got = code.evaluate(&|_| x) * axis.size as f64 - 0.5;
+                let wanted = axis.position(x);
+                // 2.2e-8 of the polynomial of acos over π/2, times 16 texels.
+                assert!((got - wanted).abs() < 3e-7, "{axis} at {x}: {got} texels, wanted {wanted}; {code}");
+            }
+        }
+        let eta: Axis = "eta:16:f0-fourth-root".parse().expect("an axis");
+        let code = eta.coordinate(eta.kept_within(Expression::variable("eta")));
+        assert_eq!(code.evaluate(&|_| f64::INFINITY), 1.0);
+    }
+
+    #[test]
     fn edges_hold_the_ends_of_the_range_and_centres_do_not() {
         for axis in every_axis() {
             let ends = (axis.value(0), axis.value(axis.size - 1));
@@ -317,6 +374,25 @@ mod tests {
         let inside: Axis = "eta:16:0..1:f0-fourth-root:edge".parse().expect("an axis");
         assert_eq!((inside.value(0), inside.value(15)), (1.0, 0.0), "Cycles' table of the inverse index");
         assert!((inside.value(8) * eta - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_shift_moves_the_content_and_clamps_it_at_the_end() {
+        for axis in every_axis() {
+            let shifted = Axis { shift: 1.0, ..axis };
+            shifted.check().expect("an axis");
+            for i in 0..axis.size - 1 {
+                assert_eq!(shifted.value(i), axis.value(i + 1), "{shifted} texel {i}");
+                // The inverse finds the texel again, wherever the range has not been left.
+                assert!((shifted.position(shifted.value(i)) - i as f64).abs() < 1e-12, "{shifted} texel {i}");
+            }
+            let last = shifted.value(axis.size - 1);
+            assert_eq!(last, axis.value_at_position(axis.size as f64), "{shifted}: the end of the range");
+            assert_eq!(shifted.to_string().parse::<Axis>().expect("own output"), shifted);
+        }
+        let filament: Axis = "roughness:128:shift+1".parse().expect("an axis");
+        assert_eq!((filament.value(0), filament.value(126), filament.value(127)), (1.5 / 128.0, 127.5 / 128.0, 1.0));
+        assert!("mu:4:shift+4".parse::<Axis>().expect("an axis").check().is_err());
     }
 
     #[test]

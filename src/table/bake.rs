@@ -2,6 +2,7 @@
 
 use super::axis::{Axis, LARGEST_SIZE};
 use super::quantity::{Handle, Model, Parameter, Point, evaluate_family};
+use super::transform::Transform;
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Estimate, Integration};
 use rayon::prelude::*;
@@ -122,7 +123,7 @@ impl TableSpec {
                     let axis =
                         if needed.range().is_some() { format!("{needed}:64") } else { format!("{needed}:16:1..3") };
                     return Err(Error::usage(
-                        format!("{} depends on {needed}, which no axis varies", channel.quantity.name),
+                        format!("{} depends on {needed}, which no axis varies", channel.label()),
                         format!("add an axis for it, such as {axis}, or give it a value"),
                     ));
                 }
@@ -155,7 +156,7 @@ impl TableSpec {
     pub fn evaluator_of(&self, wanted: impl Fn(&Handle) -> bool) -> Evaluator {
         let mut parts: Vec<Part> = vec![];
         for (channel, handle) in self.channels.iter().enumerate().filter(|(_, h)| wanted(h)) {
-            let fill = Fill { index: handle.index, channel };
+            let fill = Fill { index: handle.index, channel, transform: handle.transform };
             match parts.iter_mut().find(|part| part.handle.same_family(handle)) {
                 Some(part) => part.fills.push(fill),
                 None => parts.push(Part { handle: *handle, fills: vec![fill] }),
@@ -179,7 +180,7 @@ impl TableSpec {
                 for x in 0..width {
                     let at = self.point(row * width + x);
                     for (c, estimate) in evaluator.at(&at, integration)?.into_iter().enumerate() {
-                        let estimate = self.channels[c].reached(estimate, integration)?;
+                        let estimate = self.channels[c].reached_at(&at, estimate, integration)?;
                         values[x * channels + c] = estimate.value;
                         errors[x * channels + c] = estimate.error;
                     }
@@ -222,6 +223,7 @@ struct Part {
 struct Fill {
     index: usize,
     channel: usize,
+    transform: Transform,
 }
 
 impl Evaluator {
@@ -233,7 +235,7 @@ impl Evaluator {
         for part in &self.parts {
             let values = evaluate_family(part.handle.family, at, &self.model, integration)?;
             for fill in &part.fills {
-                estimates[fill.channel] = values[fill.index];
+                estimates[fill.channel] = fill.transform.estimate(values[fill.index]);
             }
         }
         Ok(estimates)

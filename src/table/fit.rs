@@ -90,7 +90,7 @@ fn solve<const N: usize>(table: &Table) -> Result<Vec<Solved>> {
     let channel = |c: usize| {
         let start: Vec<f64> = table.values.iter().copied().skip(c).step_by(n).collect();
         let moments: Vec<[f64; N]> = moments.iter().map(|cell| cell[c]).collect();
-        let (low, high) = spec.channels[c].quantity.bounds;
+        let (low, high) = spec.channels[c].bounds();
         problem.solve(&start, &moments, [low, high])
     };
     Ok((0..n).map(channel).collect())

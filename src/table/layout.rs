@@ -5,6 +5,7 @@
 use super::bake::TableSpec;
 use crate::error::{Error, Result};
 use crate::format::{Container, FormatSpec};
+use crate::math::expression::Expression;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -134,6 +135,30 @@ impl Arrangement {
         self.volume
     }
 
+    /// Whether slices are layers of channels.
+    pub fn is_layered(&self) -> bool {
+        self.layers > 1
+    }
+
+    /// Whether slices lie side by side in a picture, and a shader has to blend them itself.
+    pub fn is_atlas(&self) -> bool {
+        self.size[2] == 1 && self.table[2] > 1 && self.layers == 1
+    }
+
+    /// Where in the picture a place of one slice lies, as shader code: the texture coordinates of the place (`u`, `v`) of slice
+    /// `slice`, counted from 0, both kept half a texel within the slice so that filtering stays inside it.
+    pub fn atlas_coordinate(&self, [u, v, slice]: [Expression; 3]) -> [Expression; 2] {
+        let columns = self.columns as f64;
+        // The half keeps rounding from reaching the row before.
+        let row = if self.columns == 1 { slice.clone() } else { ((slice.clone() + 0.5) / columns).floor() };
+        let column = if self.columns == 1 { 0.0.into() } else { slice - row.clone() * columns };
+        let place = |t: Expression, tile: Expression, n: usize, size: usize| {
+            let n = n as f64;
+            ((t * n).clamp(0.5, n - 0.5) + tile * n) * (1.0 / size as f64)
+        };
+        [place(u, column, self.table[0], self.size[0]), place(v, row, self.table[1], self.size[1])]
+    }
+
     /// Channels of the file.
     pub fn file_channels(&self) -> usize {
         self.channels * self.layers
@@ -221,6 +246,31 @@ mod tests {
         let file = arrangement.scatter(&table);
         let slice = |x: usize, y: usize| file[(y * 6 + x) * 2];
         assert_eq!([slice(0, 0), slice(3, 0), slice(0, 4), slice(5, 7), slice(2, 11)], [0, 1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn the_code_of_an_atlas_finds_every_texel() {
+        for layout in ["atlas:1", "atlas:2", "atlas:5"] {
+            let arrangement = Arrangement::new(
+                &spec("mu:3,alpha:4,eta:5:1..2"),
+                "exr".parse().unwrap(),
+                Some(layout.parse().unwrap()),
+            )
+            .unwrap();
+            assert!(arrangement.is_atlas());
+            let [x, y] = arrangement.atlas_coordinate(["u", "v", "slice"].map(Expression::variable));
+            for index in 0..60 {
+                let place = |name: &str| match name {
+                    "u" => ((index % 3) as f64 + 0.5) / 3.0,
+                    "v" => ((index / 3 % 4) as f64 + 0.5) / 4.0,
+                    _ => (index / 12) as f64,
+                };
+                let texel = [&x, &y].map(|e| e.evaluate(&place)).into_iter().zip(arrangement.size);
+                let [column, row] = texel.map(|(t, n)| t * n as f64 - 0.5).collect::<Vec<_>>().try_into().unwrap();
+                let found = (row * arrangement.size[0] as f64 + column) * 2.0;
+                assert!((found - arrangement.position(index) as f64).abs() < 1e-9, "{layout}, texel {index}: {found}");
+            }
+        }
     }
 
     #[test]

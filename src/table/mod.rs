@@ -1,6 +1,6 @@
 //! Tables: quantities × axes, integrated texel by texel.
 //!
-//! [`quantity`] says what can be in a channel, [`axis`] which parameter a texel stands for, [`layout`] where it lies in a file, [`TableSpec::bake`] integrates, [`rounding`]
+//! [`quantity`] says what can be in a channel, [`transform`] what becomes of it there, [`axis`] which parameter a texel stands for, [`layout`] where it lies in a file, [`TableSpec::bake`] integrates, [`rounding`]
 //! makes sure of the packed value, and [`named`]
 //! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`anisotropic`], [`beckmann`], [`charlie`], [`dielectric`],
 //! [`conductor`], [`diffuse`], [`fresnel`], [`lambert`], [`layered`], [`compensation`]; [`specular`] holds what two of them share.
@@ -25,8 +25,10 @@ pub mod named;
 pub mod quantity;
 pub mod rounding;
 pub mod specular;
+pub mod transform;
 
 pub use axis::{Axis, Sampling};
 pub use bake::{Evaluator, Progress, Table, TableSpec};
 pub use layout::{Arrangement, Layout};
 pub use quantity::{Family, Model, Parameter, Point, Quantity, Trend};
+pub use transform::Transform;

@@ -1,5 +1,6 @@
 //! Quantities: functions of physical parameters, with what is known of each.
 
+use super::transform::Transform;
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Estimate, Integration, Integrator};
 use crate::model::alpha_of_roughness;
@@ -192,6 +193,11 @@ impl Parameter {
         self.facts().name
     }
 
+    /// Its name in shader code.
+    pub fn shader_name(self) -> &'static str {
+        if self == Self::Mu { "NoV" } else { self.name() }
+    }
+
     /// The parameter of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|p| p.name() == name)
@@ -350,6 +356,23 @@ pub struct Model {
     pub kd: Kd,
 }
 
+impl Model {
+    /// The choices that matter for a quantity, in words: `correlated Smith`, `neubelt visibility`, `albedo kd`.
+    pub fn choices_of(&self, quantity: &Quantity) -> Vec<String> {
+        let mut words = vec![];
+        if quantity.depends_on_smith() {
+            words.push(format!("{} Smith", self.smith.name()));
+        }
+        if quantity.depends_on_visibility() {
+            words.push(format!("{} visibility", self.visibility.name()));
+        }
+        if quantity.depends_on_kd() {
+            words.push(format!("{} kd", self.kd.name()));
+        }
+        words
+    }
+}
+
 /// A function of physical parameters.
 #[derive(Debug)]
 pub struct Quantity {
@@ -383,6 +406,27 @@ impl Quantity {
     /// The part of the name after the dot.
     pub fn short_name(&self) -> &'static str {
         self.name.rsplit('.').next().unwrap_or(self.name)
+    }
+
+    /// The part of the name before the dot.
+    fn family_name(&self) -> &'static str {
+        self.name.split('.').next().unwrap_or(self.name)
+    }
+
+    /// Whether masking and shadowing are by Smith: of the microfacet lobes of surfaces, and what is made of them.
+    pub fn depends_on_smith(&self) -> bool {
+        let families = ["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation"];
+        families.contains(&self.family_name())
+    }
+
+    /// Whether it has the visibility term of the sheen.
+    pub fn depends_on_visibility(&self) -> bool {
+        self.family_name() == "charlie"
+    }
+
+    /// Whether a diffuse base is below a specular layer.
+    pub fn depends_on_kd(&self) -> bool {
+        self.family_name() == "layered"
     }
 
     /// How it changes along `parameter`, or the one that it stands for, where it is monotone.
@@ -467,7 +511,12 @@ pub static FAMILIES: &[&dyn Family] = &[
 /// Every quantity with its family and its place in it.
 pub fn all() -> impl Iterator<Item = Handle> {
     FAMILIES.iter().flat_map(|family| {
-        family.quantities().iter().enumerate().map(|(index, quantity)| Handle { family: *family, index, quantity })
+        family.quantities().iter().enumerate().map(|(index, quantity)| Handle {
+            family: *family,
+            index,
+            quantity,
+            transform: Transform::default(),
+        })
     })
 }
 
@@ -478,33 +527,55 @@ pub struct Handle {
     pub family: &'static dyn Family,
     /// Its place in that family.
     pub index: usize,
-    /// What is known of it.
+    /// What is known of it, untransformed.
     pub quantity: &'static Quantity,
+    /// What becomes of its value.
+    pub transform: Transform,
 }
 
 impl fmt::Debug for Handle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Handle({})", self.quantity.name)
+        write!(f, "Handle({})", self.label())
     }
 }
 
 impl PartialEq for Handle {
     fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.quantity, other.quantity)
+        std::ptr::eq(self.quantity, other.quantity) && self.transform == other.transform
     }
 }
 
 impl Handle {
+    /// The channel as a user writes it: the quantity's name, and what becomes of its value.
+    pub fn label(&self) -> String {
+        format!("{}{}", self.quantity.name, self.transform)
+    }
+
+    /// The interval that its values never leave.
+    pub fn bounds(&self) -> (f64, f64) {
+        self.transform.interval(self.quantity.bounds)
+    }
+
+    /// How its values change along `parameter`, or the one that it stands for, where they are monotone.
+    pub fn trend(&self, parameter: Parameter) -> Option<Trend> {
+        let trend = self.quantity.trend(parameter)?;
+        Some(match (trend, self.transform.falls()) {
+            (trend, false) => trend,
+            (Trend::Rises, true) => Trend::Falls,
+            (Trend::Falls, true) => Trend::Rises,
+        })
+    }
+
     /// The value at a point by the witness that `integration` chooses.
     ///
     /// **Errors**: a missing parameter; a tolerance that the witness does not reach.
     pub fn evaluate(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Estimate> {
-        let estimate = evaluate_family(self.family, at, model, integration)?[self.index];
-        self.reached(estimate, integration)
+        let estimate = self.transform.estimate(evaluate_family(self.family, at, model, integration)?[self.index]);
+        self.reached_at(at, estimate, integration)
     }
 
     /// The estimate, if it is as good as was asked for.
-    pub(crate) fn reached(&self, estimate: Estimate, integration: &Integration) -> Result<Estimate> {
+    pub(crate) fn reached_at(&self, at: &Point, estimate: Estimate, integration: &Integration) -> Result<Estimate> {
         let tolerance = integration.tolerance_of(self.is_monte_carlo(integration));
         // A count of samples is an order to stop there, however good the value is by then.
         if estimate.error <= tolerance || integration.settings.samples.is_some() {
@@ -512,8 +583,8 @@ impl Handle {
         }
         Err(Error::unsupported(
             format!(
-                "{} did not reach tolerance {tolerance:e}: the best value is {} with an error of {:e} ({})",
-                self.quantity.name,
+                "{} at {at} did not reach tolerance {tolerance:e}: the best value is {} with an error of {:e} ({})",
+                self.label(),
                 estimate.value,
                 estimate.error,
                 estimate.kind.name()
@@ -568,28 +639,42 @@ pub fn find(name: &str) -> Result<Handle> {
 }
 
 /// The quantity of that name which depends on no more than the parameters that are `given`, or else the first: a lobe can be
-/// isotropic or not, and which one is meant, the parameters say.
+/// isotropic or not, and which one is meant, the parameters say. Steps after the name, such as `burley.albedo:-0.5`, are what becomes
+/// of its value: see [`super::transform`].
 ///
 /// **Errors**: as [`find`].
-pub fn find_among(name: &str, given: impl Fn(Parameter) -> bool) -> Result<Handle> {
+pub fn find_among(text: &str, given: impl Fn(Parameter) -> bool) -> Result<Handle> {
+    let (name, steps) = text.split_once(':').map_or((text, None), |(name, steps)| (name.trim(), Some(steps)));
+    let transform = steps.map_or(Ok(Transform::default()), str::parse)?;
     let named = || all().filter(|h| h.quantity.name == name);
     let known = |h: &Handle| h.quantity.parameters.iter().all(|p| given(*p));
-    named().find(known).or_else(|| named().next()).ok_or_else(|| {
+    let found = named().find(known).or_else(|| named().next());
+    found.map(|handle| Handle { transform, ..handle }).ok_or_else(|| {
         let mut names: Vec<_> = all().map(|h| h.quantity.name).collect();
         names.dedup();
         Error::usage(format!("no quantity is called {name:?}"), near_matches(name, &names, "kiln list quantities"))
     })
 }
 
+/// Letters that a mistyped name is off by at most, and names that are offered instead.
+const NEAR: usize = 3;
+const MOST_MATCHES: usize = 5;
+
 /// A way out for a mistyped name: the likeliest ones, and where the whole list is.
 pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
-    let last = name.rsplit('.').next().unwrap_or(name);
-    let near: Vec<&str> = known
+    // `prefix.*` is mistyped where the prefix is.
+    let wanted = name.trim_end_matches(['.', '*']);
+    let last = wanted.rsplit('.').next().unwrap_or(wanted);
+    let family = |k: &str| k.split('.').next().map_or(usize::MAX, |family| distance(family, wanted));
+    let mut near: Vec<(usize, &str)> = known
         .iter()
-        .copied()
-        .filter(|k| distance(k, name) <= 3 || (!last.is_empty() && k.contains(last)))
-        .take(5)
+        .map(|k| (distance(k, wanted).min(if name.ends_with('*') { family(k) } else { usize::MAX }), *k))
+        .filter(|(off, k)| *off <= NEAR || (!last.is_empty() && k.contains(last)))
         .collect();
+    // Two lobes may have a quantity of the same name.
+    near.sort_unstable();
+    near.dedup();
+    let near: Vec<&str> = near.into_iter().map(|(_, k)| k).take(MOST_MATCHES).collect();
     if near.is_empty() { format!("see `{list}`") } else { format!("did you mean {}? see `{list}`", near.join(", ")) }
 }
 
@@ -607,4 +692,51 @@ fn distance(a: &str, b: &str) -> usize {
         }
     }
     row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_choice_matters_where_it_changes_a_value() {
+        use crate::integrate::{Integration, Settings};
+        let integration =
+            Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).expect("settings");
+        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6];
+        for handle in all().filter(|h| h.family.has_quadrature()) {
+            let at = Parameter::ALL.into_iter().zip(values).filter(|(p, _)| handle.quantity.parameters.contains(p));
+            let at = at.fold(Point::default(), |at, (p, v)| at.with(p, v).expect("in the domain"));
+            let value = |model: &Model| handle.evaluate(&at, model, &integration).expect("reached").value;
+            let usual = value(&Model::default());
+            let changed = [
+                value(&Model { smith: Smith::Separable, ..Model::default() }),
+                value(&Model { visibility: Visibility::Charlie, ..Model::default() }),
+                value(&Model { kd: Kd::Fresnel, ..Model::default() }),
+            ]
+            .map(|v| v != usual);
+            let q = handle.quantity;
+            let said = [q.depends_on_smith(), q.depends_on_visibility(), q.depends_on_kd()];
+            assert_eq!(changed, said, "{}: Smith, visibility, kd", q.name);
+        }
+    }
+
+    #[test]
+    fn a_mistyped_quantity_is_told_the_nearest_ones_each_once() {
+        for (wrong, offered) in [
+            ("ggx.albdo", "did you mean ggx.albedo?"),
+            ("ggx.skale", "did you mean ggx.scale?"),
+            ("albedo_avg", "ggx.albedo_avg"),
+            ("compensations.*", "compensation."),
+        ] {
+            let text = find(wrong).expect_err("no such quantity").to_string();
+            assert!(text.contains(offered), "{wrong}: {text}");
+            for handle in all() {
+                let list = text.split("did you mean").nth(1).unwrap_or_default();
+                let times = list.split([',', '?']).filter(|w| w.trim() == handle.quantity.name).count();
+                assert!(times <= 1, "{wrong}: {text}");
+            }
+        }
+        assert_eq!(find("zzz").expect_err("no such quantity").to_string().matches("did you mean").count(), 0);
+    }
 }

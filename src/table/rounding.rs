@@ -129,6 +129,7 @@ mod tests {
         assert!(!is_decided(F16, 0, tie + 1e-9, 2e-9));
         assert!(is_decided(F16, 0, tie + 1e-9, 0.5e-9));
         assert!(is_decided(F16, 0, 0.5, 1e-5) && is_decided(F16, 0, 0.3, 0.0));
+        assert!(is_decided(F16, 0, 1e-30, 1e-20), "next to nothing is 0, on whichever side the error reaches to");
     }
 
     #[test]

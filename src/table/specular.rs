@@ -6,9 +6,11 @@ use crate::error::Result;
 use crate::integrate::monte_carlo::{Stop, defensive_tail};
 use crate::integrate::{Estimate, Integration, over_cosine, quadrature};
 use crate::math::frame::direction_with_cosine;
+use crate::math::memo::Memo;
 use crate::model::Lobe;
 use crate::model::fresnel::{schlick_average, schlick_weight};
 use crate::model::ggx::{Ggx, Smith};
+use std::cell::RefCell;
 
 /// How far inside the region of measure alpha² that a lobe loses its rim is resolved by Monte Carlo.
 pub const TAIL: f64 = 0.01;
@@ -29,6 +31,13 @@ pub struct Specular {
 /// ∫ Fc f cosθ_i dω_i with Fc = (1 − wo·h)⁵, and the same with 1 for Fc: bias and E of the split sum.
 pub type Split = [Estimate; 2];
 
+thread_local! {
+    /// Bias and E of mu, alpha, tolerance and masking.
+    static SPLITS: RefCell<Memo<4, Split>> = const { RefCell::new(Memo::new()) };
+    /// E_avg of alpha, tolerance and masking.
+    static AVERAGES: RefCell<Memo<3, Estimate>> = const { RefCell::new(Memo::new()) };
+}
+
 impl Specular {
     /// The lobe that a point and a model stand for.
     pub fn at(at: &Point, model: &Model) -> Result<Self> {
@@ -46,8 +55,14 @@ impl Specular {
         if self.alpha == 0.0 {
             return self.mirror(Estimate::bound);
         }
-        let [e, bias, _] = quadrature::ggx_split(self.mu, self.alpha, self.smith, tolerance);
-        [bias, e]
+        // The same for every F0.
+        let key = [self.mu, self.alpha, tolerance].map(f64::to_bits);
+        SPLITS.with_borrow_mut(|splits| {
+            splits.get_or_insert_with([key[0], key[1], key[2], self.smith as u64], || {
+                let [e, bias, _] = quadrature::ggx_split(self.mu, self.alpha, self.smith, tolerance);
+                [bias, e]
+            })
+        })
     }
 
     /// Bias and E by Monte Carlo.
@@ -77,7 +92,11 @@ impl Specular {
         if self.alpha == 0.0 {
             return Estimate::bound(1.0, f64::EPSILON);
         }
-        quadrature::ggx_albedo_average(self.alpha, self.smith, tolerance)
+        // The same for every mu and F0.
+        let key = [self.alpha.to_bits(), tolerance.to_bits(), self.smith as u64];
+        AVERAGES.with_borrow_mut(|averages| {
+            averages.get_or_insert_with(key, || quadrature::ggx_albedo_average(self.alpha, self.smith, tolerance))
+        })
     }
 
     /// R_avg, the average of [`Specular::reflectance`], by quadrature.

@@ -1,13 +1,13 @@
 //! Verification of an environment's files.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::{self, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
+use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
-use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::{CubeLookup, Panorama, spherical_harmonics};
+use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
+use crate::environment::{CubeLookup, KernelKind, Panorama, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
-use crate::recipe::EnvironmentRecipe;
+use crate::recipe::{EnvironmentRecipe, cube_texel};
 use glam::DVec3;
 use std::path::Path;
 
@@ -25,11 +25,13 @@ pub(super) fn verify(
         Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped, ..Report::default() };
     match content {
         Content::Texture(texture) => {
-            let levels = levels(texture, certificate, recipe).map_err(|e| e.in_file(path))?;
+            let levels = levels(path, texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
-            let precision = precision(recipe.cube_format()?, &levels, certificate.packing.max_block_error);
-            let judged = EnvironmentValues { levels: &levels, precision };
+            let is_irradiance = levels[0].name == IRRADIANCE;
+            let format = cube_texel(if is_irradiance { recipe.format_of_irradiance() } else { recipe.format })?;
+            let precision = precision(format, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
+            let judged = EnvironmentValues { levels: &levels, precision, orientation: recipe.orientation };
             report
                 .checks
                 .extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
@@ -40,7 +42,16 @@ pub(super) fn verify(
             }
             let names: Vec<String> =
                 levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
-            let kind = if levels[0].name == IRRADIANCE { "irradiance E/π" } else { "specular chain" };
+            let kind = match recipe.kernel {
+                _ if is_irradiance => "irradiance E/π".to_owned(),
+                KernelKind::Nol => "specular chain".to_owned(),
+                other => match recipe.view {
+                    Some(view) => {
+                        format!("specular chain seen at {}°, anisotropy {},", view.angle, view.anisotropy)
+                    }
+                    None => format!("specular chain ({})", other.name()),
+                },
+            };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
         Content::Json(value) if value["schema"] == SUN_SCHEMA => {
@@ -82,11 +93,11 @@ pub(super) fn verify(
                 .map_err(|e| Error::invalid(format!("not spherical harmonics: {e}"), "bake it again").in_file(path))?;
             let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
             report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
-            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, p)));
+            report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, recipe, p)));
         }
-        Content::Picture(_) => {
+        Content::Picture(_) | Content::Array(_) | Content::Raw(_) => {
             return Err(Error::invalid(
-                "a picture, where the certificate says a cube",
+                "no texture, where the certificate says a cube",
                 "give the environment's own file",
             )
             .in_file(path));
@@ -111,13 +122,24 @@ fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Optio
 }
 
 /// The cubes of a texture, with what the certificate claims of each.
-fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+fn levels(
+    path: &Path,
+    texture: &Texture,
+    certificate: &Certificate,
+    recipe: &EnvironmentRecipe,
+) -> Result<Vec<CubeLevel>> {
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
-    // Which of the two cubes this is, the file says.
-    let claimed = if texture.metadata(certificate::CONTENT_KEY) == Some(IRRADIANCE) { irradiance } else { specular };
+    // Which of the two cubes this is, the file says, or its name where it has no place to say it.
+    let by_name = || path.file_name().and_then(|n| n.to_str()) == recipe.irradiance_name().as_deref();
+    let is_irradiance =
+        texture.metadata(certificate::CONTENT_KEY).map_or_else(by_name, |content| content == IRRADIANCE);
+    let claimed = if is_irradiance { irradiance } else { specular };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
-    if texture.faces != 6 || texture.levels.len() != claimed.len() || texture.width != claimed[0].size {
+    if texture.faces != 6
+        || texture.levels.len() != claimed.len()
+        || claimed.first().is_none_or(|l| texture.width != l.size)
+    {
         return Err(Error::invalid(
             format!(
                 "{}, where the certificate says a cube chain from {} or {}",
@@ -148,8 +170,10 @@ fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentReci
             let fitted = level.lookup.clone().filter(|_| level.is_fitted());
             // Likewise what a lookup may be off by.
             let fitted = fitted.map(|lookup| CubeLookup { max: lookup.max.min(MOST_ERROR), ..lookup });
-            let name = level.name.clone();
-            Ok(CubeLevel { name, size, roughness: level.roughness, texels, fitted, max_error, rms_error })
+            let kernel = if level.name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel };
+            let view = recipe.view.filter(|_| level.name != IRRADIANCE);
+            let (name, roughness) = (level.name.clone(), level.roughness);
+            Ok(CubeLevel { name, size, roughness, kernel, view, texels, fitted, max_error, rms_error })
         })
         .collect()
 }
@@ -158,16 +182,37 @@ fn levels(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentReci
 const MOST_ERROR: f64 = 0.5;
 
 /// The coefficients, integrated again.
-fn harmonics(sh: &ShFile, panorama: &Panorama) -> Check {
+fn harmonics(sh: &ShFile, recipe: &EnvironmentRecipe, panorama: &Panorama) -> Check {
     let wanted = spherical_harmonics::project(panorama);
-    let pairs = |a: &spherical_harmonics::Coefficients, b: &spherical_harmonics::Coefficients| {
-        let largest = b.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let off = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
-        // NaN must not hide behind max.
-        off.map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max) / largest.max(f64::MIN_POSITIVE)
+    let figure = off(&sh.harmonics.radiance, &wanted.radiance)
+        .max(off(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi))
+        .max(off(&sh.harmonics.irradiance_over_pi_nonnegative, &wanted.irradiance_over_pi_nonnegative));
+    let (mut figure, mut count) = (figure, 81);
+    if let Some(found) = &sh.bands {
+        let again = sh_bands::Bands::new(panorama, found.bands.clamp(1, sh_bands::MOST_BANDS), |_| found.fit);
+        let same = again.order == found.order && found.radiance.len() == again.radiance.len();
+        for (a, b) in [(&found.radiance, &again.radiance), (&found.irradiance_over_pi, &again.irradiance_over_pi)] {
+            let off = if same && a.len() == b.len() { off(a, b) } else { f64::INFINITY };
+            figure = figure.max(off);
+        }
+        count += 6 * again.radiance.len();
+    }
+    figure = match (&sh.engine, EngineSh::new(recipe, &wanted)) {
+        (Some(found), Some(again)) if found.convention == again.convention => {
+            count += 27;
+            figure.max(off(&found.coefficients, &again.coefficients))
+        }
+        (None, None) => figure,
+        _ => f64::INFINITY,
     };
-    let figure = pairs(&sh.harmonics.radiance, &wanted.radiance)
-        .max(pairs(&sh.harmonics.irradiance_over_pi, &wanted.irradiance_over_pi))
-        .max(pairs(&sh.harmonics.irradiance_over_pi_nonnegative, &wanted.irradiance_over_pi_nonnegative));
-    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, "worst of 81")
+    let detail = format!("worst of {count}");
+    Check::at_most("coefficients integrated again, relative to the largest", "sh.json", figure, 1e-12, detail)
+}
+
+/// The largest difference between coefficients, in parts of the largest of the second.
+fn off(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    let largest = b.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let off = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
+    // NaN must not hide behind max.
+    off.map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max) / largest.max(f64::MIN_POSITIVE)
 }

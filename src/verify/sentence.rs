@@ -135,9 +135,13 @@ impl Judged {
         limit: f64,
         figure: impl Fn(&ChannelErrors) -> (f64, &ChannelErrors),
     ) -> std::result::Result<&Self, Failure> {
-        // Written so that NaN is a failure.
-        let mut wrong: Vec<(f64, &ChannelErrors)> =
-            self.report.channels.iter().map(figure).filter(|(error, _)| !(*error <= limit)).collect();
+        let mut wrong: Vec<(f64, &ChannelErrors)> = self
+            .report
+            .channels
+            .iter()
+            .map(figure)
+            .filter(|(error, _)| error.is_nan() || limit.is_nan() || *error > limit)
+            .collect();
         let rank = |error: f64| if error.is_nan() { f64::INFINITY } else { error };
         wrong.sort_by(|a, b| rank(b.0).total_cmp(&rank(a.0)));
         let Some((error, c)) = wrong.first() else { return Ok(self) };

@@ -3,13 +3,14 @@
 use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, texel_digest};
 use crate::certificate::Certificate;
-use crate::check::{Check, Precision, TableValues};
+use crate::check::{Check, MOST_BLOCK_ERROR, Precision, TableValues};
 use crate::error::{Error, Result};
+use crate::format::{Container, Texture, raw};
 use crate::integrate::Integration;
 use crate::recipe::TableRecipe;
+use crate::table::TableSpec;
 use crate::table::lookup::lookup_errors;
 use crate::table::quantity::Handle;
-use crate::table::{Arrangement, TableSpec};
 use std::path::Path;
 
 pub(super) fn verify(
@@ -21,12 +22,12 @@ pub(super) fn verify(
 ) -> Result<Report> {
     let spec = recipe.spec()?;
     spec.check().map_err(|e| e.in_file(path))?;
-    let texels = texels(content, &spec, &recipe.arrangement()?).map_err(|e| e.in_file(path))?;
+    let texels = texels(content, &spec, recipe).map_err(|e| e.in_file(path))?;
     let integration = Integration::new(recipe.integration)?;
     let errors = claimed_errors(certificate, &spec, &integration);
     let kinds = spec.error_kinds(&integration);
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
-    let block_error = certificate.packing.max_block_error;
+    let block_error = certificate.packing.max_block_error.min(MOST_BLOCK_ERROR);
     let precision = Precision::new(recipe.texel_format()?, values.iter().copied(), block_error);
     let judged = TableValues { spec: &spec, values: &values, errors: &errors, kinds: &kinds, precision };
     let mut checks: Vec<Check> =
@@ -66,11 +67,12 @@ fn claimed_errors(certificate: &Certificate, spec: &TableSpec, integration: &Int
         None => integration.tolerance_of(c.is_monte_carlo(integration)),
     };
     let claim = |name: &str| certificate.channels.iter().find(|c| c.quantity == name).map_or(0.0, |c| c.max_error);
-    spec.channels.iter().map(|c| claim(c.quantity.name).min(most(c))).collect()
+    spec.channels.iter().map(|c| claim(&c.label()).min(most(c))).collect()
 }
 
 /// The values of the claimed channels, channel fastest.
-fn texels(content: &Content, spec: &TableSpec, arrangement: &Arrangement) -> Result<Vec<f32>> {
+fn texels(content: &Content, spec: &TableSpec, recipe: &TableRecipe) -> Result<Vec<f32>> {
+    let arrangement = recipe.arrangement()?;
     let wanted = arrangement.size;
     let same_size = |size: [usize; 3]| {
         if size == wanted {
@@ -94,9 +96,32 @@ fn texels(content: &Content, spec: &TableSpec, arrangement: &Arrangement) -> Res
                     )
                 })
             };
-            let names: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
-            let order: Vec<usize> = arrangement.names(&names).iter().map(index).collect::<Result<_>>()?;
+            let labels: Vec<String> = spec.channels.iter().map(Handle::label).collect();
+            let names: Vec<&str> = labels.iter().map(String::as_str).collect();
+            // Only an OpenEXR has the names; elsewhere channels stand in their order.
+            let order: Vec<usize> = if recipe.format.container() == Container::Exr {
+                arrangement.names(&names).iter().map(index).collect::<Result<_>>()?
+            } else {
+                (0..n.min(image.channels.len())).collect()
+            };
             image.texels.chunks_exact(image.channels.len()).flat_map(|t| order.iter().map(|&i| t[i])).collect()
+        }
+        Content::Raw(bytes) => {
+            let [width, height, depth] = arrangement.size;
+            let depth = if arrangement.is_volume() { depth } else { 0 };
+            let like = Texture { depth, ..Texture::empty(recipe.texel_format()?, width, height) };
+            let texture = raw::decode(bytes, &like, 1)?;
+            return texels(&Content::Texture(texture), spec, recipe);
+        }
+        Content::Array(array) => {
+            let stored = recipe.texel_format()?.channels();
+            if array.values.len() != wanted.iter().product::<usize>() * stored {
+                return Err(Error::invalid(
+                    format!("an array of {:?}, where the certificate says {wanted:?}", array.shape),
+                    "bake the file again",
+                ));
+            }
+            array.values.chunks_exact(stored).flat_map(|t| t[..n].iter().map(|&v| v as f32)).collect()
         }
         Content::Texture(texture) => {
             same_size([texture.width, texture.height, texture.depth.max(1)])?;

@@ -15,8 +15,12 @@ pub struct Run {
 
 /// Runs `kiln` in `folder`.
 pub fn kiln(folder: &Path, arguments: &[&str]) -> Run {
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_kiln")).args(arguments).current_dir(folder).output().expect("kiln starts");
+    let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_kiln"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR")) // not the user's
+        .output()
+        .expect("kiln starts");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("kiln prints UTF-8");
     Run { code: status.code().expect("kiln exits"), stdout: text(stdout), stderr: text(stderr) }
 }

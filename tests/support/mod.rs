@@ -2,6 +2,9 @@
 #![allow(dead_code)] // every test file uses its part
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
+pub mod bilinear;
+pub mod browser;
+pub mod f32_error;
 pub mod kiln;
 pub mod samples;
 pub mod tools;

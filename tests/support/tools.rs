@@ -1,7 +1,7 @@
 //! Finding and running the readers that other people wrote, in JavaScript and Python.
 //!
 //! They live in the folder that KILN_TEST_TOOLS names: `npm install --prefix DIR ktx-parse@2.0.0` and
-//! `pip install --target DIR/python OpenEXR==3.5.3`. Where one is missing its test says `skipped: …` and passes, unless
+//! `pip install --target DIR/python OpenEXR==3.5.3 OpenImageIO==3.2.2.0 numpy==2.4.6`. Where one is missing its test says `skipped: …` and passes, unless
 //! KILN_REQUIRE_TOOLS=1.
 
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ pub fn node(script: &str, file: &Path) -> Option<String> {
     output(command)
 }
 
-/// What a script prints about `file`, run by Python with `OpenEXR`.
+/// What a script prints about `file`, run by Python with `OpenEXR`, `OpenImageIO` and `numpy`.
 pub fn python(script: &str, file: &Path) -> Option<String> {
     let tools = folder_with("python")?;
     let mut command = Command::new("python3");

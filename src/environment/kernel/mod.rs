@@ -22,7 +22,7 @@
 //! **Normalisation**: `nol` 1/N = 2π [1/(1−β) − 1 + ln(1−β)] / β²; `g1` by Gauss rules in two substitutions that leave nothing to resolve.
 //! Everything is evaluated from 1 − c and 1 − β = 2α²/(1 + α²), because both are tiny where the lobe is narrow and high.
 
-mod power;
+pub(super) mod power;
 
 use std::f64::consts::{PI, TAU};
 
@@ -79,7 +79,21 @@ pub(crate) trait Profile {
     fn value(kernel: &Kernel, c: f64, w: f64) -> f64;
     /// K″(c).
     fn curvature(kernel: &Kernel, c: f64, w: f64) -> f64;
+    /// K(c) of any cosine, without a branch.
+    #[inline(always)]
+    fn at(kernel: &Kernel, c: f64) -> f64 {
+        let lit = if c > 0.0 { c } else { 0.0 };
+        Self::value(kernel, lit, 1.0 - lit)
+    }
+    /// K(c) and K″(c).
+    #[inline(always)]
+    fn both(kernel: &Kernel, c: f64, w: f64) -> (f64, f64) {
+        (Self::value(kernel, c, w), Self::curvature(kernel, c, w))
+    }
 }
+
+/// [`KernelKind::Nol`] at alpha 1.
+pub(crate) struct Lambert;
 
 /// [`KernelKind::Nol`].
 pub(crate) struct Nol;
@@ -120,6 +134,25 @@ impl Profile for Nol {
     fn curvature(kernel: &Kernel, c: f64, w: f64) -> f64 {
         let r = 1.0 / (kernel.one_minus_beta + kernel.beta * w);
         kernel.norm * r * r * r * (4.0 * kernel.beta + 6.0 * kernel.beta * kernel.beta * c * r)
+    }
+
+    #[inline(always)]
+    fn both(kernel: &Kernel, c: f64, w: f64) -> (f64, f64) {
+        let r = 1.0 / (kernel.one_minus_beta + kernel.beta * w);
+        let scale = kernel.norm * r * r;
+        (scale * c, scale * r * (4.0 * kernel.beta + 6.0 * kernel.beta * kernel.beta * c * r))
+    }
+}
+
+impl Profile for Lambert {
+    #[inline(always)]
+    fn value(kernel: &Kernel, c: f64, _w: f64) -> f64 {
+        kernel.norm * c
+    }
+
+    #[inline(always)]
+    fn curvature(_kernel: &Kernel, _c: f64, _w: f64) -> f64 {
+        0.0
     }
 }
 
@@ -200,6 +233,11 @@ impl Kernel {
     fn squeezed(&self, c: f64) -> f64 {
         let a2 = self.alpha * self.alpha;
         (a2 + (1.0 - a2) * c * c).sqrt()
+    }
+
+    /// Whether the kernel is a multiple of the cosine: [`Lambert`].
+    pub(crate) fn is_lambert(&self) -> bool {
+        self.kind == KernelKind::Nol && self.beta == 0.0
     }
 
     /// Whether the kernel is a ring below the horizon instead of a cap about its axis.
@@ -414,16 +452,78 @@ mod tests {
         (0..=n).map(|i| weight(i) * g(i)).sum::<f64>() / (3.0 * f64::from(n))
     }
 
+    fn all_kinds() -> impl Iterator<Item = Kernel> {
+        KernelKind::ALL.into_iter().flat_map(|kind| ALPHAS.map(|alpha| Kernel::of(kind, alpha)))
+    }
+
     #[test]
     fn kernel_and_density_integrate_to_one() {
-        for alpha in ALPHAS {
-            let kernel = Kernel::new(alpha);
+        for kernel in all_kinds() {
             for (name, integral) in [
                 ("kernel", integrate_over_hemisphere(|w| kernel.eval(w))),
                 ("density", integrate_over_hemisphere(|w| kernel.pdf(w))),
+                ("weight × density", integrate_over_hemisphere(|w| kernel.pdf(w) * kernel.weight(w))),
             ] {
-                // Simpson's error is below n⁻⁴ × the fourth derivative; what is left is rounding of 2e5 terms.
-                assert!((integral - 1.0).abs() < 1e-10, "{name} at alpha {alpha}: {integral}");
+                // Simpson's error is below n⁻⁴ × the fourth derivative, a ring's (4p)⁴ by its exponential; what is left is rounding of 2e5 terms.
+                let ring = if kernel.is_ring() { (4.0 * kernel.power / 2e5).powi(4) } else { 0.0 };
+                assert!((integral - 1.0).abs() < 1e-10 + ring, "{name}, {kernel:?}: {integral}");
+            }
+        }
+    }
+
+    /// ∫ D G1/4 is the albedo at normal incidence, which the tables integrate in another way.
+    #[test]
+    fn the_masked_kernel_is_the_lobe_over_its_albedo() {
+        use crate::model::Lobe;
+        use crate::model::ggx::{Ggx, Smith};
+        for alpha in [0.01, 0.1, 0.5, 1.0] {
+            let kernel = Kernel::of(KernelKind::G1, alpha);
+            let lobe = Ggx::isotropic(alpha, Smith::Correlated);
+            let ratio = |c: f64| {
+                let wi = DVec3::new((1.0 - c * c).sqrt(), 0.0, c);
+                lobe.f(DVec3::Z, wi) * c / kernel.eval(1.0 - c)
+            };
+            let albedo = ratio(0.9);
+            for c in [1.0, 0.999, 0.5, 0.1, 1e-3] {
+                // D of the lobe is computed from a normalised half-vector: its sine is good to ε/α.
+                let tolerance = 1e-14 / alpha;
+                assert!((ratio(c) / albedo - 1.0).abs() < tolerance, "alpha {alpha}, c = {c}: {}, {albedo}", ratio(c));
+            }
+            if alpha == 1.0 {
+                // E(1, 1) = 1 − ln 2.
+                assert!((albedo - (1.0 - 2f64.ln())).abs() < 1e-14, "{albedo}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sheen_at_alpha_one_is_the_half_angle_times_the_cosine() {
+        let kernel = Kernel::of(KernelKind::Charlie, 1.0);
+        for w in [0.0, 1e-6, 0.3, 0.99, 1.0, 1.5] {
+            let wanted = 15.0 / 8.0 / PI * f64::sqrt(w) * f64::max(1.0 - w, 0.0);
+            // A power of 0 is 1e-304.
+            assert!((kernel.eval(w) - wanted).abs() <= 8.0 * f64::EPSILON * wanted + 1e-303, "{w}: {}", kernel.eval(w));
+        }
+    }
+
+    /// Against differences of K: of second order in the step, and rounding over the step squared.
+    #[test]
+    fn curvatures_and_horizons_are_derivatives_of_the_kernel() {
+        for kernel in all_kinds().filter(|k| k.alpha() >= 0.03) {
+            let step = 1e-3 * kernel.alpha();
+            for c in [0.02, 0.1, 0.5, 0.9] {
+                let k = |c: f64| kernel.eval(1.0 - c);
+                let wanted = (k(c + step) - 2.0 * k(c) + k(c - step)) / (step * step);
+                let got = with_profile!(kernel, P => P::curvature(&kernel, c, 1.0 - c));
+                let scale = (k(c) / (kernel.alpha() * kernel.alpha())).max(got.abs());
+                assert!((got - wanted).abs() < 1e-4 * scale, "{kernel:?}, c = {c}: {got}, {wanted}");
+            }
+            let [a, b, length] = kernel.horizon();
+            for part in [0.01, 0.03] {
+                let c = part * length;
+                let (got, wanted) = (a * c + b * c * c, kernel.eval(1.0 - c));
+                // The third term, of which no kernel has more than thrice its own scale.
+                assert!((got / wanted - 1.0).abs() < 3.0 * part * part + 1e-9, "{kernel:?}, c = {c}: {got}, {wanted}");
             }
         }
     }
@@ -465,16 +565,16 @@ mod tests {
 
     #[test]
     fn the_warp_has_its_inverse() {
-        for alpha in ALPHAS {
-            let kernel = Kernel::new(alpha);
+        for kernel in all_kinds() {
             for xi in [[0.0, 0.0], [1e-9, 0.25], [0.3, 0.9], [0.999, 0.5]] {
                 let (w, azimuth) = kernel.sample(xi);
                 let back = kernel.invert(w, azimuth);
-                // Rounding grows by the slope of the warp near its end, (1 − β)/(1 − βξ)² / (w/ξ) <= 1/(1 − ξ).
-                let tolerance = 4.0 * f64::EPSILON / (1.0 - xi[0]);
+                // Rounding grows by the slope of the warp near its end, (1 − β)/(1 − βξ)² / (w/ξ) <= 1/(1 − ξ); a power's by the exponent.
+                let growth = if kernel.is_ring() { 4.0 * (kernel.power + 1.0) } else { 1.0 / (1.0 - xi[0]) };
+                let tolerance = 4.0 * f64::EPSILON * growth;
                 assert!(
                     (back[0] - xi[0]).abs() < tolerance && (back[1] - xi[1]).abs() < 1e-15,
-                    "{alpha} {xi:?}: {back:?}"
+                    "{kernel:?} {xi:?}: {back:?}"
                 );
             }
         }
@@ -486,9 +586,9 @@ mod tests {
     fn samples_follow_their_density() {
         let n = 1 << 16;
         let bins = 32;
-        for alpha in [0.05, 0.3, 1.0] {
-            let kernel = Kernel::new(alpha);
-            let reach = (6.0 * alpha).min(PI / 2.0);
+        for kernel in [0.05, 0.3, 1.0].into_iter().flat_map(|a| KernelKind::ALL.map(|kind| Kernel::of(kind, a))) {
+            let alpha = kernel.alpha();
+            let reach = if kernel.is_ring() { PI / 2.0 } else { (6.0 * alpha).min(PI / 2.0) };
             let bin = |w: f64| ((2.0 * (w / 2.0).sqrt().asin() / reach * f64::from(bins)) as usize).min(bins as usize);
             let mut seen = vec![0.0; bins as usize + 1];
             for r in 0..n {
@@ -512,7 +612,7 @@ mod tests {
             // Wilson-Hilferty at 5 sigma: false alarm 3e-7.
             let k = 2.0 / (9.0 * freedom);
             let limit = freedom * (1.0 - k + 5.0 * k.sqrt()).powi(3);
-            assert!(chi2 < limit, "alpha {alpha}: chi-square {chi2} over {freedom}, limit {limit}");
+            assert!(chi2 < limit, "{kernel:?}: chi-square {chi2} over {freedom}, limit {limit}");
         }
     }
 }

@@ -22,7 +22,7 @@ pub(crate) fn power(x: f64, p: f64) -> f64 {
     exp_of_negative(p * ln(x))
 }
 
-/// ln x for x in (0, 1]; a large negative number for 0.
+/// ln x for x in (0, 1]; a huge negative number for 0.
 #[inline(always)]
 fn ln(x: f64) -> f64 {
     /// 1/(2k + 1).
@@ -56,12 +56,13 @@ fn ln(x: f64) -> f64 {
     series = series * f2 + ODD[2];
     series = series * f2 + ODD[1];
     series = series * f2 * f + f;
-    exponent * LN2_HIGH + (2.0 * series + exponent * LN2_LOW)
+    let ln = exponent * LN2_HIGH + (2.0 * series + exponent * LN2_LOW);
+    if x >= f64::MIN_POSITIVE { ln } else { -1e300 }
 }
 
 /// eˣ for x ≤ 0.
 #[inline(always)]
-fn exp_of_negative(x: f64) -> f64 {
+pub(crate) fn exp_of_negative(x: f64) -> f64 {
     let x = if x > LEAST { x } else { LEAST };
     let rounded = x * LOG2_E + ROUNDER;
     let k = rounded - ROUNDER;

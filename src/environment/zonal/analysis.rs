@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::fft::{Complex, Fft, separate};
-use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, total};
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, sub, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
 use crate::math::quadrature::Rule;
 
@@ -31,8 +31,8 @@ pub(super) trait Texels: Sync {
     fn shape(&self) -> [usize; 2];
     /// Whether anything in a row is not zero.
     fn occupied(&self, row: usize) -> bool;
-    /// Adds `factor` times one channel of a row to one lane.
-    fn add_row(&self, row: usize, channel: usize, factor: f64, lane: usize, to: &mut [V]);
+    /// Writes the channels of a row to one lane.
+    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]);
 }
 
 /// Eight rows of the north with their mirror images.
@@ -131,21 +131,15 @@ fn spectrum(map: &dyn Texels, rows: std::ops::Range<usize>, fft: &Fft, factors: 
     let [width, height] = map.shape();
     let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
     let (mut x, mut spare) = (vec![Complex::ZERO; width], vec![Complex::ZERO; width]);
-    let (mut sum, mut difference) = (vec![ZERO; width], vec![ZERO; width]);
+    let empty = || -> [Vec<V>; 3] { std::array::from_fn(|_| vec![ZERO; width]) };
+    let (mut north, mut south) = (empty(), empty());
+    for row in rows.clone() {
+        map.read_row(row, row - rows.start, &mut north);
+        map.read_row(height - 1 - row, row - rows.start, &mut south);
+    }
     for channel in 0..3 {
-        sum.fill(ZERO);
-        difference.fill(ZERO);
-        for row in rows.clone() {
-            let lane = row - rows.start;
-            for (row, sign) in [(row, 1.0), (height - 1 - row, -1.0)] {
-                if map.occupied(row) {
-                    map.add_row(row, channel, 1.0, lane, &mut sum);
-                    map.add_row(row, channel, sign, lane, &mut difference);
-                }
-            }
-        }
-        for (x, (&re, &im)) in x.iter_mut().zip(sum.iter().zip(&difference)) {
-            *x = Complex { re, im };
+        for (x, (&north, &south)) in x.iter_mut().zip(north[channel].iter().zip(&south[channel])) {
+            *x = Complex { re: add(north, south), im: sub(north, south) };
         }
         fft.forward(&mut x, &mut spare);
         for (m, (out, &(cos, sin))) in spectrum.iter_mut().zip(factors).enumerate() {

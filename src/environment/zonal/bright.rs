@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::lanes::{InstructionSet, LANES, V, ZERO, total};
 use crate::environment::full_sum::{FullSum, Lobe, flat_horizon, is_flat};
-use crate::environment::kernel::{Kernel, Profile, with_profile};
+use crate::environment::kernel::{Kernel, Lambert, Profile, with_profile};
 use crate::environment::panorama::Panorama;
 use crate::environment::peel::Peel;
 use crate::math::quadrature::gauss_legendre;
@@ -82,7 +82,10 @@ impl Bright {
         let mut special = vec![];
         let sum = instructions.run(
             #[inline(always)]
-            || with_profile!(kernel, P => self.sum::<P>(axis, kernel, near, &mut special)),
+            || match kernel.is_lambert() {
+                true => self.sum::<Lambert>(axis, kernel, near, &mut special),
+                false => with_profile!(kernel, P => self.sum::<P>(axis, kernel, near, &mut special)),
+            },
         );
         let mut sum = [total(sum[0]), total(sum[1]), total(sum[2])];
         if special.is_empty() {
@@ -115,8 +118,8 @@ impl Bright {
                 let g = axis.x * block.down[0][i] + axis.y * block.down[1][i] + axis.z * block.down[2][i];
                 let h = axis.x * block.across[0][i] + axis.z * block.across[1][i];
                 let lit = if c > 0.0 { c } else { 0.0 };
-                let curvature = P::curvature(kernel, lit, 1.0 - lit);
-                let value = P::value(kernel, lit, 1.0 - lit) + curvature * (g * g + h * h) / 6.0;
+                let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
+                let value = value + curvature * (g * g + h * h) / 6.0;
                 let odd = c.abs() < belt || (c > near_from && c > 0.0);
                 any |= odd;
                 *weight = if c > 0.0 && !odd { value } else { 0.0 };

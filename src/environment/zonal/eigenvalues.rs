@@ -71,29 +71,30 @@ fn sums(blocks: &[(V, V)], degree: usize) -> Vec<f64> {
     sums.into_iter().map(total).collect()
 }
 
-/// Places where the remainder of a kernel's series is looked at, with the kernel there.
+/// Places where the remainder of a function's series is looked at, with the function there and the kernel that it is a part of.
 pub(super) struct Remainder {
-    places: Vec<(f64, f64)>,
+    places: Vec<(f64, f64, f64)>,
 }
 
 impl Remainder {
-    /// Places up to `reach` radians from the peak.
-    pub fn new(kernel: &dyn Fn(f64) -> f64, width: f64, reach: f64) -> Self {
+    /// Places up to `reach` radians from the peak, of a function and of the kernel that errors are relative to.
+    pub fn new([function, kernel]: [&dyn Fn(f64) -> f64; 2], width: f64, reach: f64) -> Self {
         let spread = |i: u32| width * libm::expm1(f64::from(i) / 47.0 * libm::log1p(PI / width));
         let even = (1..=64).map(|i| PI * f64::from(i) / 64.0);
         let horizon = (-24..=24).map(|i| FRAC_PI_2 + f64::from(i) * 2e-3);
         let theta: Vec<f64> = (0..48).map(spread).chain(even).chain(horizon).collect();
         let place = |&theta: &f64| {
             let half = libm::sin(0.5 * theta);
-            (libm::cos(theta), kernel(2.0 * half * half))
+            let w = 2.0 * half * half;
+            (libm::cos(theta), function(w), kernel(w))
         };
         Self { places: theta.iter().filter(|t| **t <= reach).map(place).collect() }
     }
 
-    /// For degrees L = step, 2 step, … : the largest |K(c) − Σ_(l≤L) (2l+1)/4π λ_l P_l(c)| / (K(c) + floor).
+    /// For degrees L = step, 2 step, … : the largest |function(c) − Σ_(l≤L) (2l+1)/4π λ_l P_l(c)| / (K(c) + floor).
     pub fn relative(&self, eigenvalues: &[f64], step: usize, floor: f64) -> Vec<f64> {
         let mut largest = vec![0.0f64; (eigenvalues.len() - 1) / step];
-        for &(x, kernel) in &self.places {
+        for &(x, function, kernel) in &self.places {
             let (mut before, mut current, mut sum) = (0.0, 1.0, 0.0);
             for (l, lambda) in eigenvalues.iter().enumerate() {
                 let l_f = l as f64;
@@ -102,7 +103,7 @@ impl Remainder {
                 (before, current) = (current, next);
                 if l > 0 && l % step == 0 && l / step <= largest.len() {
                     let entry = &mut largest[l / step - 1];
-                    *entry = entry.max((kernel - sum).abs() / (kernel + floor));
+                    *entry = entry.max((function - sum).abs() / (kernel + floor));
                 }
             }
         }

@@ -5,7 +5,7 @@
 //! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
 //! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
 //! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
-//! constant stays what it is. Kernels too narrow for harmonics are summed over the texels ([`FullSum`]).
+//! constant stays what it is. Of kernels too narrow for harmonics, the part near the axis is summed over the texels there (`split`).
 
 mod analysis;
 mod bright;
@@ -14,6 +14,7 @@ mod fft;
 mod lanes;
 mod legendre;
 mod plan;
+mod split;
 mod synthesis;
 
 use std::f64::consts::PI;
@@ -33,7 +34,8 @@ use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
 use lanes::V;
 use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
-use synthesis::Rings;
+use split::Places;
+use synthesis::{FaceAngles, Rings, angles};
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
 const MOST_PEELED: [usize; 2] = [1024, 64];
@@ -73,6 +75,8 @@ struct Part {
     /// The largest part of a channel's light that was not peeled off.
     share: f64,
     coefficients: Coefficients,
+    /// What was not peeled off, if a kernel sums texels near its axis.
+    near: Option<(Panorama, Places)>,
 }
 
 /// The panorama filtered by one kernel: a function of the direction.
@@ -80,8 +84,8 @@ struct Part {
 pub struct Function<'a> {
     zonal: &'a Zonal<'a>,
     kernel: Kernel,
-    /// Nothing if the kernel is too narrow for harmonics.
-    rings: Option<(&'a Part, Arc<Rings>)>,
+    /// Nothing if texels are summed instead.
+    rings: Option<(&'a Part, &'a Plan, Arc<Rings>)>,
     /// Degrees of the harmonics; 0 if texels are summed instead.
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
@@ -91,16 +95,29 @@ pub struct Function<'a> {
 impl<'a> Zonal<'a> {
     /// Prepares a panorama for these kernels.
     pub fn new(panorama: &'a Panorama, kernels: &[Kernel], instructions: InstructionSet) -> Self {
+        Self::beside(FullSum::new(panorama), panorama, kernels, instructions)
+    }
+
+    /// The same, with a full sum of the panorama that others use too.
+    pub(super) fn beside(
+        exact: FullSum<'a>,
+        panorama: &'a Panorama,
+        kernels: &[Kernel],
+        instructions: InstructionSet,
+    ) -> Self {
         let cells = cells(panorama);
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
-        for kernel in kernels {
-            let darkest = darkest(panorama, &cells, kernel);
-            let side = usize::from(!is_wide(kernel));
-            plans[side].extend(Plan::new(*kernel, darkest, WIDE_DEGREE, instructions));
+        let of_kernel = |kernel: &Kernel| {
+            let darkest = darkest(panorama, &cells, kernel, instructions);
+            Plan::new(*kernel, darkest, WIDE_DEGREE, panorama.height(), instructions)
+        };
+        let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
+        for plan in all.into_iter().flatten() {
+            plans[usize::from(!is_wide(&plan.kernel) || plan.split.is_some())].push(plan);
         }
         let parts = parts(panorama, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
-        Self { panorama, exact: FullSum::new(panorama), instructions, parts, range, last: Mutex::new(None) }
+        Self { panorama, exact, instructions, parts, range, last: Mutex::new(None) }
     }
 
     /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
@@ -117,7 +134,7 @@ impl<'a> Zonal<'a> {
         *last = Some((*kernel, rings.clone()));
         drop(last);
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
-        Function { zonal: self, kernel: *kernel, rings: Some((part, rings)), degree: plan.degree(), truncation }
+        Function { zonal: self, kernel: *kernel, rings: Some((part, plan, rings)), degree: plan.degree(), truncation }
     }
 }
 
@@ -125,13 +142,26 @@ impl Function<'_> {
     /// The value in a unit direction.
     #[inline(always)]
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
-        let Some((part, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
-        let smooth = rings.at(direction);
+        self.value(direction, angles(direction))
+    }
+
+    /// The value in a unit direction that has these angles.
+    #[inline(always)]
+    fn value(&self, direction: DVec3, angles: [f64; 2]) -> [f64; 3] {
+        let Some((part, plan, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
+        let smooth = rings.at(angles);
         let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;
-        std::array::from_fn(|c| (part.mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
+        let mut mean = part.mean;
+        if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
+            && let Some(near) = split.mean(direction, rest, places)
+        {
+            let far = plan.eigenvalues[0];
+            mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+        }
+        std::array::from_fn(|c| (mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
     }
 
     /// The values in many unit directions.
@@ -149,12 +179,16 @@ impl Function<'_> {
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
     pub fn cube(&self, size: usize, finished: &(dyn Fn(u64) + Sync)) -> Cube {
         let mut texels = vec![[0.0; 3]; 6 * size * size];
+        let angles = FaceAngles::new(size);
+        if self.rings.is_none() {
+            self.zonal.exact.prepare();
+        }
         texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
             self.zonal.instructions.run(
                 #[inline(always)]
                 || {
                     for (i, texel) in out.iter_mut().enumerate() {
-                        let value = self.at(texel_direction(size, line * size + i));
+                        let value = self.value(texel_direction(size, line * size + i), angles.of(line, i));
                         *texel = [value[0] as f32, value[1] as f32, value[2] as f32];
                     }
                 },
@@ -168,7 +202,8 @@ impl Function<'_> {
     /// or to [`super::DARK_FLOOR`] of the mean. `cube` holds this function.
     pub fn measure(&self, cube: &Cube) -> (f64, f64) {
         let mean = self.zonal.panorama.mean();
-        let errors: Vec<f64> = aims(self.zonal.panorama, &self.kernel, cube)
+        self.zonal.exact.prepare();
+        let errors: Vec<f64> = aims(self.zonal.exact.sun(), &self.kernel, cube)
             .par_iter()
             .flat_map_iter(|&direction| {
                 let wanted = self.zonal.exact.evaluate(direction, &self.kernel);
@@ -186,13 +221,11 @@ impl Function<'_> {
 
 /// Where errors hide: at the brightest texel and opposite to it, beside it (interpolation), at its horizon (the kink), at
 /// the poles, at a corner and an edge of a cube, and in its darkest texels.
-fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
+fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
     /// Beside the sun, in widths of the kernel; and on either side of its horizon, in radians.
     const BESIDE: [f64; 3] = [0.5, 1.0, 3.0];
     const ACROSS: [f64; 3] = [0.0, 0.004, -0.01];
     const DARKEST: usize = 4;
-    let (column, row, _) = panorama.peak();
-    let sun = panorama.texel_box(column, row).middle();
     let (side, up) = sun.any_orthonormal_pair();
     let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
     let mut aims =
@@ -211,52 +244,45 @@ fn aims(panorama: &Panorama, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 
 impl Part {
     /// With more degrees where those that usually do leave too much out.
-    fn patient(panorama: &Panorama, plans: Vec<Plan>, peeled: Peeled, instructions: InstructionSet) -> Self {
-        let part = Self::new(panorama, plans, peeled, instructions);
+    fn patient(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
+        let part = Self::new(panorama, plans, peel, instructions);
         let mean = panorama.mean();
         let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
-        if part.plans.iter().all(|plan| !is_wide(&plan.kernel) || left(plan) <= HARD) {
+        if part.plans.iter().all(|plan| plan.split.is_some() || !is_wide(&plan.kernel) || left(plan) <= HARD) {
             return part;
         }
-        let more = |plan: Plan| match is_wide(&plan.kernel) {
-            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, instructions),
+        let more = |plan: Plan| match plan.split.is_none() && is_wide(&plan.kernel) {
+            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, panorama.height(), instructions),
             false => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();
-        let peeled = peel(panorama, &plans);
-        Self::new(panorama, plans, peeled, instructions)
+        let peel = peel_for(panorama, &plans);
+        Self::new(panorama, plans, peel, instructions)
     }
 
-    fn new(panorama: &Panorama, plans: Vec<Plan>, (peel, rest): Peeled, instructions: InstructionSet) -> Self {
+    fn new(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
-        let narrowest = plans.iter().map(|plan| plan.kernel.width()).fold(2.0, f64::min);
-        let (mean, whole) = (rest.mean(), panorama.mean());
+        // (The rest of a split kernel is as smooth as its degree says.)
+        let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
+        let narrowest = plans.iter().map(width).fold(2.0, f64::min);
+        let rest = Rest::new(panorama, &peel);
+        let (mean, whole) = (rest.mean, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
-        let square = |row: usize| {
-            let mut sum = [0.0; 3];
-            for texel in rest.row(row) {
-                (0..3).for_each(|c| sum[c] += (f64::from(texel[c]) - mean[c]).powi(2));
-            }
-            sum.map(|s| s * rest.solid_angle(row))
-        };
-        // Rows on any thread, their sum in one order.
-        let rows: Vec<[f64; 3]> = (0..rest.height()).into_par_iter().map(square).collect();
-        let norm2 = std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum());
+        let norm2 = rest.sum(|texel| std::array::from_fn(|c| (f64::from(texel[c]) - mean[c]).powi(2)));
         let rule = row_rule(narrowest, degree, panorama.height());
-        let mut coefficients = analyse(&BeyondMean { panorama: &rest, mean }, degree, &rule, instructions);
+        let mut coefficients = analyse(&rest, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
-        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients }
+        let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
+        let near = places.map(|places| (rest.to_panorama(), places));
+        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients, near }
     }
 }
 
-/// What is peeled off, and the panorama without it.
-type Peeled = (Peel, Panorama);
-
-/// The texels that show across the horizon of one of these kernels, and the panorama without them.
-fn peel(panorama: &Panorama, plans: &[Plan]) -> Peeled {
+/// The texels that show across the horizon of one of these kernels.
+fn peel_for(panorama: &Panorama, plans: &[Plan]) -> Peel {
     let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
-    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel));
+    let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel) && plan.split.is_none());
     Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
 }
 
@@ -266,16 +292,16 @@ fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: Inst
     let mut parts = vec![];
     let mut rest = narrow;
     if !wide.is_empty() {
-        let peeled = peel(panorama, &wide);
+        let peel = peel_for(panorama, &wide);
         let mut plans = wide;
-        if peeled.0.len() <= FEW {
+        if peel.len() <= FEW {
             plans.append(&mut rest);
         }
-        parts.push(Part::patient(panorama, plans, peeled, instructions));
+        parts.push(Part::patient(panorama, plans, peel, instructions));
     }
     if !rest.is_empty() {
-        let peeled = peel(panorama, &rest);
-        parts.push(Part::patient(panorama, rest, peeled, instructions));
+        let peel = peel_for(panorama, &rest);
+        parts.push(Part::patient(panorama, rest, peel, instructions));
     }
     parts
 }
@@ -291,25 +317,88 @@ fn least_share(plan: &Plan, height: usize) -> f64 {
     1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
 }
 
-/// A panorama without its mean.
-struct BeyondMean<'a> {
+/// A panorama without what was peeled off, and without its mean.
+struct Rest<'a> {
     panorama: &'a Panorama,
+    /// Texels that differ, in the order of the panorama.
+    changed: Vec<(usize, [f32; 3])>,
     mean: [f64; 3],
 }
 
-impl Texels for BeyondMean<'_> {
+impl<'a> Rest<'a> {
+    fn new(panorama: &'a Panorama, peel: &Peel) -> Self {
+        let mut changed: Vec<(usize, [f32; 3])> = peel.remainders().collect();
+        changed.sort_unstable_by_key(|(index, _)| *index);
+        if changed.is_empty() {
+            return Self { panorama, changed, mean: panorama.mean() };
+        }
+        let rest = Self { panorama, changed, mean: [0.0; 3] };
+        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
+        let darkest = panorama.min().map(f64::from);
+        let sum = rest.sum(|texel| std::array::from_fn(|c| f64::from(texel[c]) - darkest[c]));
+        Self { mean: std::array::from_fn(|c| darkest[c] + sum[c] / (4.0 * PI)), ..rest }
+    }
+
+    /// The same as a panorama of its own.
+    fn to_panorama(&self) -> Panorama {
+        let mut texels = self.panorama.texels().to_vec();
+        self.changed.iter().for_each(|&(index, texel)| texels[index] = texel);
+        self.panorama.with_texels(texels)
+    }
+
+    fn changed_in(&self, row: usize) -> &[(usize, [f32; 3])] {
+        let width = self.panorama.width();
+        let start = self.changed.partition_point(|(index, _)| *index < row * width);
+        let end = self.changed.partition_point(|(index, _)| *index < (row + 1) * width);
+        &self.changed[start..end]
+    }
+
+    /// Σ of `f` over all texels, weighted by solid angle: rows on any thread, their sum in one order.
+    fn sum(&self, f: impl Fn(&[f32; 3]) -> [f64; 3] + Sync) -> [f64; 3] {
+        let (width, height) = (self.panorama.width(), self.panorama.height());
+        let of_row = |row: usize| {
+            let mut sum = [0.0; 3];
+            let mut add = |texels: &[[f32; 3]]| {
+                for texel in texels {
+                    let value = f(texel);
+                    (0..3).for_each(|c| sum[c] += value[c]);
+                }
+            };
+            let (texels, mut next) = (self.panorama.row(row), 0);
+            for &(index, texel) in self.changed_in(row) {
+                let column = index - row * width;
+                add(&texels[next..column]);
+                add(&[texel]);
+                next = column + 1;
+            }
+            add(&texels[next..]);
+            sum.map(|s| s * self.panorama.solid_angle(row))
+        };
+        let rows: Vec<[f64; 3]> = (0..height).into_par_iter().map(of_row).collect();
+        std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum())
+    }
+}
+
+impl Texels for Rest<'_> {
     fn shape(&self) -> [usize; 2] {
         [self.panorama.width(), self.panorama.height()]
     }
 
     fn occupied(&self, row: usize) -> bool {
-        let mean = self.mean;
-        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != mean)
+        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.mean) || !self.changed_in(row).is_empty()
     }
 
-    fn add_row(&self, row: usize, channel: usize, factor: f64, lane: usize, to: &mut [V]) {
-        for (out, texel) in to.iter_mut().zip(self.panorama.row(row)) {
-            out[lane] += factor * (f64::from(texel[channel]) - self.mean[channel]);
+    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]) {
+        let [red, green, blue] = to;
+        let mean = self.mean;
+        for (((r, g), b), texel) in red.iter_mut().zip(green).zip(blue).zip(self.panorama.row(row)) {
+            r[lane] = f64::from(texel[0]) - mean[0];
+            g[lane] = f64::from(texel[1]) - mean[1];
+            b[lane] = f64::from(texel[2]) - mean[2];
+        }
+        for &(index, texel) in self.changed_in(row) {
+            let column = index - row * self.panorama.width();
+            (0..3).for_each(|c| to[c][column][lane] = f64::from(texel[c]) - mean[c]);
         }
     }
 }

@@ -12,9 +12,10 @@ use glam::DVec3;
 use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
-use super::lanes::InstructionSet;
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
+use super::split::Split;
 use crate::environment::DARK_FLOOR;
-use crate::environment::kernel::Kernel;
+use crate::environment::kernel::{Kernel, Profile, with_profile};
 use crate::environment::panorama::Panorama;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
@@ -36,6 +37,8 @@ const REACH: f64 = 16.0;
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub kernel: Kernel,
+    /// What is summed near the axis, of a kernel too narrow for harmonics; they hold the rest.
+    pub split: Option<Split>,
     /// λ_0 … λ_L.
     pub eigenvalues: Vec<f64>,
     /// Rings and columns of the grid.
@@ -50,8 +53,19 @@ pub(super) struct Plan {
 
 impl Plan {
     /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
-    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`.
-    pub fn new(kernel: Kernel, darkest: f64, least_wide: usize, instructions: InstructionSet) -> Option<Self> {
+    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`. A cap narrower than what so many degrees resolve as
+    /// a map of `height` rows is worth is split.
+    pub fn new(
+        kernel: Kernel,
+        darkest: f64,
+        least_wide: usize,
+        height: usize,
+        instructions: InstructionSet,
+    ) -> Option<Self> {
+        let worth = (3 * height / 2).clamp(256, 1024);
+        if !kernel.is_ring() && kernel.alpha() < 4.0 / worth as f64 {
+            return Some(Self::split(kernel, darkest, worth, instructions));
+        }
         let (width, wide) = (kernel.width(), is_wide(&kernel));
         let ring = kernel.is_ring();
         let most = if ring { RING * 2.0 / width } else { REACH * 2.0 / width };
@@ -63,14 +77,14 @@ impl Plan {
         let mut lambda = eigenvalues(&value, kernel.singularities(), most, instructions);
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
-        let peak = Remainder::new(&value, width, 1.2).relative(&lambda, step, floor);
+        let peak = Remainder::new([&value; 2], width, 1.2).relative(&lambda, step, floor);
         let enough = peak.iter().position(|&off| off <= AIM && !ring).map_or(most, |i| (i + 1) * step);
         let degree = if wide { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
         }
         lambda.truncate(degree + 1);
-        let whole = Remainder::new(&value, width, PI).relative(&lambda, degree, floor);
+        let whole = Remainder::new([&value; 2], width, PI).relative(&lambda, degree, floor);
         // ∫ K² = Σ (2l+1)/4π λ_l².
         let square = |w: f64| kernel.eval(w) * kernel.eval(w);
         let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
@@ -79,12 +93,46 @@ impl Plan {
         let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
         Some(Self {
             kernel,
+            split: None,
             grid: grid(width, degree),
             any_map: whole[0],
             eigenvalues: lambda,
             remainder_norm,
             darkest,
         })
+    }
+
+    /// The plan of a kernel whose part near the axis is summed, so that the rest takes about `degree` degrees.
+    fn split(kernel: Kernel, darkest: f64, degree: usize, instructions: InstructionSet) -> Self {
+        let split = Split::new(kernel, degree);
+        let (rest, whole) = (|w: f64| split.rest(w), |w: f64| kernel.eval(w));
+        let most = 3 * degree / 2;
+        let mut lambda = eigenvalues(&rest, kernel.singularities(), most, instructions);
+        let floor = darkest / (4.0 * PI);
+        let step = (most / 64).max(1);
+        let width = 1.0 / degree as f64;
+        let peak = Remainder::new([&rest, &whole], width, 1.2).relative(&lambda, step, floor);
+        let degree = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step).min(most);
+        lambda.truncate(degree + 1);
+        let everywhere = Remainder::new([&rest, &whole], width, PI).relative(&lambda, degree, floor);
+        let square = |w: f64| rest(w) * rest(w);
+        let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
+        let terms = lambda.iter().enumerate().map(|(l, v)| (l as f64, (2.0 * l as f64 + 1.0) / (4.0 * PI) * v));
+        let held: f64 = terms.clone().zip(&lambda).map(|((_, term), v)| term * v).sum();
+        let remainder_norm = (norm2 - held).abs().max(1e-15 * norm2).sqrt();
+        // Interpolation of degree five on spacing Δ in two directions is off by 0.003 Δ⁶ Σ |term| l⁶ at the peak at most.
+        let (peak, sixth) =
+            terms.fold((0.0, 0.0), |(peak, sixth), (l, term)| (peak + term.abs(), sixth + term.abs() * l.powi(6)));
+        let spacing = (AIM * peak / (0.003 * sixth)).powf(1.0 / 6.0);
+        Self {
+            kernel,
+            split: Some(split),
+            grid: grid(spacing / PER_WIDTH, degree),
+            any_map: everywhere[0],
+            eigenvalues: lambda,
+            remainder_norm,
+            darkest,
+        }
     }
 
     pub fn degree(&self) -> usize {
@@ -120,10 +168,13 @@ fn power(coefficients: &Coefficients, channel: usize, degree: usize) -> f64 {
     coefficients.orders.iter().enumerate().map(order).sum()
 }
 
+/// Spacing of the grid in widths of the kernel.
+const PER_WIDTH: f64 = 0.095;
+
 /// Rings and columns: interpolation of degree five on spacing Δ is off by 14 (Δ/width)⁶ at the peak of 1/(width² + θ²)²;
 /// 0.095 leaves 1e-5. And never coarser than what holds the degrees.
 fn grid(width: f64, degree: usize) -> [usize; 2] {
-    let spacing = 0.095 * width;
+    let spacing = PER_WIDTH * width;
     let rings = ((PI / spacing) as usize).max(5 * degree / 4).max(16);
     let columns = ((TAU / spacing) as usize).max(9 * degree / 4).max(32);
     [rings, Fft::fast_length(columns)]
@@ -150,27 +201,42 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
 
 /// About how dark the darkest output of a kernel is, in parts of its channel's mean; from a coarse map of cells, rather too dark than
 /// too bright, and never below [`DARK_FLOOR`].
-pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel) -> f64 {
+pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel, instructions: InstructionSet) -> f64 {
     /// Cells do not resolve narrower kernels.
     const NARROWEST: f64 = 0.1;
-    const DIRECTIONS: usize = 256;
     let (mean, kernel) = (panorama.mean(), Kernel::of(kernel.kind(), kernel.alpha().max(NARROWEST)));
-    let mut darkest = 1.0f64;
-    for i in 0..DIRECTIONS {
+    let darkest = instructions.run(
+        #[inline(always)]
+        || with_profile!(kernel, P => darkest_of::<P>(&kernel, cells, mean)),
+    );
+    (0.3 * darkest).max(DARK_FLOOR)
+}
+
+/// The smallest average of the cells over directions of a spiral, in parts of the mean; 1 if none is below it.
+#[inline(always)]
+fn darkest_of<P: Profile>(kernel: &Kernel, cells: &[Cell], mean: [f64; 3]) -> f64 {
+    const DIRECTIONS: usize = 256;
+    let axis = |i: usize| {
         let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
         let (sin, cos) = libm::sincos(i as f64 * 2.399_963_229_728_653);
-        let axis = DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y;
-        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y
+    };
+    let mut darkest = 1.0f64;
+    for first in (0..DIRECTIONS).step_by(LANES) {
+        let axes: [DVec3; LANES] = std::array::from_fn(|i| axis(first + i));
+        let [x, y, z] = [axes.map(|a| a.x), axes.map(|a| a.y), axes.map(|a| a.z)];
+        let (mut sums, mut weights) = ([ZERO; 3], ZERO);
         for cell in cells {
-            let weight = kernel.between(axis, cell.direction);
-            weights += weight * cell.solid_angle;
-            (0..3).for_each(|c| sum[c] += weight * cell.flux[c]);
+            let d = cell.direction;
+            let weight: V = std::array::from_fn(|i| P::at(kernel, x[i] * d.x + y[i] * d.y + z[i] * d.z));
+            weights = add(weights, scale(weight, cell.solid_angle));
+            (0..3).for_each(|c| sums[c] = add(sums[c], scale(weight, cell.flux[c])));
         }
         for c in (0..3).filter(|&c| mean[c] > 0.0) {
-            darkest = darkest.min(sum[c] / (weights * mean[c]));
+            (0..LANES).for_each(|i| darkest = darkest.min(sums[c][i] / (weights[i] * mean[c])));
         }
     }
-    (0.3 * darkest).max(DARK_FLOOR)
+    darkest
 }
 
 /// A part of the map, as one light.

@@ -64,19 +64,17 @@ impl Rings {
         Self { rings, columns, strips }
     }
 
-    /// The value in a unit direction, by Lagrange interpolation of degree five in both angles.
+    /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
     #[inline(always)]
-    pub fn at(&self, direction: DVec3) -> [f64; 3] {
-        let theta = libm::atan2(direction.x.hypot(direction.z), direction.y);
-        let phi = libm::atan2(direction.z, direction.x) + PI;
+    pub fn at(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
         let split = |position: f64| {
             let floor = position.floor();
             (floor as isize, position - floor)
         };
-        let (ring, t) = split(theta * self.rings as f64 / PI - 0.5);
-        let (column, u) = split(phi * self.columns as f64 / TAU);
+        let (ring, t) = split(theta * self.rings as f64 - 0.5);
+        let (column, u) = split(turn * self.columns as f64);
         let (down, across) = (lagrange(t), lagrange(u));
-        let column = column as usize;
+        let column = self.within(column as usize);
         let mut sum = [0.0; 4];
         for (i, weight) in down.iter().enumerate() {
             let taps = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column);
@@ -95,22 +93,80 @@ impl Rings {
         }
         [sum[0], sum[1], sum[2]]
     }
-}
 
-impl Rings {
+    /// A column of less than two turns.
+    #[inline(always)]
+    fn within(&self, column: usize) -> usize {
+        if column >= self.columns { column - self.columns } else { column }
+    }
+
     /// The values around a column of a ring. Over a pole, the ring on its other side comes half a turn away.
     #[inline(always)]
-    fn taps(&self, ring: isize, column: usize) -> &[[f64; 4]] {
+    fn taps(&self, ring: isize, column: usize) -> &[[f64; 4]; TAPS] {
         let last = self.rings as isize - 1;
+        let opposite = || self.within(column + self.columns / 2);
         let (ring, column) = match ring {
-            r if r < 0 => (-1 - r, (column + self.columns / 2) % self.columns),
-            r if r > last => (2 * last + 1 - r, (column + self.columns / 2) % self.columns),
-            r => (r, column % self.columns),
+            r if r < 0 => (-1 - r, opposite()),
+            r if r > last => (2 * last + 1 - r, opposite()),
+            r => (r, column),
         };
         let (north, south) = (ring as usize, (last - ring) as usize);
         let (pair, side) = if north <= south { (north, 0) } else { (south, 1) };
         let first = (2 * (pair % LANES) + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2;
-        &self.strips[pair / LANES][first..first + TAPS]
+        let strip = self.strips[pair / LANES][first..].first_chunk();
+        strip.expect("each ring has margins on both sides, and a column lies within it")
+    }
+}
+
+/// θ/π and (φ + π)/2π of a direction of any length.
+#[inline(always)]
+pub(super) fn angles(direction: DVec3) -> [f64; 2] {
+    let DVec3 { x, y, z } = direction;
+    [libm::atan2((x * x + z * z).sqrt(), y) / PI, (libm::atan2(z, x) + PI) / TAU]
+}
+
+/// The angles of a cube's texels, as [`angles`] gives them, of two faces: the others follow by symmetry, which spares most arctangents.
+pub(super) struct FaceAngles {
+    size: usize,
+    /// Row by row, θ/π on a face beside the equator.
+    side: Vec<f64>,
+    /// Of each column of such a face, the turn from the middle of the face.
+    columns: Vec<f64>,
+    /// Row by row, θ/π and the turn from azimuth 0 on the face above.
+    top: Vec<[f64; 2]>,
+}
+
+/// (azimuth of the middle + π)/2π of the faces beside the equator, in storage order.
+const MIDDLES: [f64; 6] = [0.5, 1.0, 0.0, 0.0, 0.75, 0.25];
+
+impl FaceAngles {
+    pub fn new(size: usize) -> Self {
+        let centre = |i: usize| (2.0 * i as f64 + 1.0 - size as f64) / size as f64;
+        let (mut side, mut top) = (vec![0.0; size * size], vec![[0.0; 2]; size * size]);
+        side.par_chunks_mut(size).zip(top.par_chunks_mut(size)).enumerate().for_each(|(row, (side, top))| {
+            let v = centre(row);
+            for (column, (side, top)) in side.iter_mut().zip(top).enumerate() {
+                let u = centre(column);
+                *side = libm::atan2((1.0 + u * u).sqrt(), -v) / PI;
+                *top = [libm::atan2((u * u + v * v).sqrt(), 1.0) / PI, libm::atan2(v, u) / TAU];
+            }
+        });
+        // On each of them the azimuth falls as u grows.
+        let columns = (0..size).map(|column| -libm::atan2(centre(column), 1.0) / TAU).collect();
+        Self { size, side, columns, top }
+    }
+
+    /// Of a texel, by its line (rows of all faces, one after the other) and column.
+    #[inline(always)]
+    pub fn of(&self, line: usize, column: usize) -> [f64; 2] {
+        let (face, row) = (line / self.size, line % self.size);
+        let index = row * self.size + column;
+        match face {
+            2 => [self.top[index][0], 0.5 + self.top[index][1]],
+            // (u, −1, −v).
+            3 => [1.0 - self.top[index][0], 0.5 - self.top[index][1]],
+            _ => [self.side[index], MIDDLES[face] + self.columns[column]],
+        }
     }
 }
 

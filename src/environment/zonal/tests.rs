@@ -116,7 +116,7 @@ fn neither_threads_nor_instructions_change_a_bit() {
 fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
     for (width, sun) in [(128, (37, 20)), (34, (20, 8)), (96, (0, 0))] {
         let panorama = lit(width, 8, sun);
-        let map = BeyondMean { panorama: &panorama, mean: panorama.mean() };
+        let map = Rest { panorama: &panorama, changed: vec![], mean: panorama.mean() };
         for narrowest in [1.0, 0.01, 1e-3] {
             let coefficients = analyse(&map, 4, &row_rule(narrowest, 4, width / 2), InstructionSet::detect());
             for c in 0..3 {
@@ -206,6 +206,30 @@ fn eigenvalues_agree_with_closed_forms_and_with_finer_panels() {
             eigenvalues::eigenvalues(&|w| kernel.eval(w), kernel.singularities(), 4000, InstructionSet::detect());
         for l in 0..=degree {
             assert!((got[l] - finer[l]).abs() < 1e-14, "alpha {alpha}, l {l}: {} and {}", got[l], finer[l]);
+        }
+    }
+}
+
+/// A cube takes its texels' angles by symmetry; the function takes them from the direction.
+#[test]
+fn a_cube_holds_the_values_of_its_function() {
+    let panorama = lit(64, 9, (50, 12));
+    let kernel = Kernel::new(0.2);
+    let zonal = Zonal::new(&panorama, &[kernel], InstructionSet::detect());
+    let function = zonal.function(&kernel);
+    for size in [1, 5, 8] {
+        for (index, texel) in function.cube(size, &|_| {}).texels.iter().enumerate() {
+            let wanted = function.at(texel_direction(size, index));
+            for c in 0..3 {
+                // Rounded to f32 once; the angles differ by rounding.
+                let off = (f64::from(texel[c]) - wanted[c]).abs();
+                assert!(
+                    off <= 1.2e-7 * wanted[c].abs(),
+                    "size {size}, texel {index}: {} wanted {}",
+                    texel[c],
+                    wanted[c]
+                );
+            }
         }
     }
 }

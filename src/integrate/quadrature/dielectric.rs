@@ -30,25 +30,6 @@ pub fn dielectric_scattering(mu: f64, interface: &Dielectric, tolerance: f64) ->
     climb_with(TRUST, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect })
 }
 
-/// The same averaged over the hemisphere: 2 ∫ … mu dmu.
-pub fn dielectric_scattering_average(interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
-    let critical = (1.0 - interface.eta * interface.eta).max(0.0).sqrt();
-    climb_with(TRUST, tolerance, |rung| {
-        let mut sum = [0.0; 2];
-        for (low, high) in [(0.0, critical), (critical, 1.0)] {
-            let half = 0.5 * (high - low);
-            let scale = AVERAGE_SCALE * interface.facets.alpha_x / half;
-            for (x, w) in rung.doubled.at_scale(scale).iter().filter(|_| half > 0.0) {
-                for mu in [low + x * half, high - x * half] {
-                    let values = scattering_on(mu, interface, rung);
-                    sum = [0, 1].map(|k| sum[k] + 2.0 * half * w * mu * values[k]);
-                }
-            }
-        }
-        Sum { values: with_sum(sum), defect: 0.0 }
-    })
-}
-
 fn with_sum([up, down]: [f64; 2]) -> [f64; 3] {
     [up, down, up + down]
 }
@@ -59,8 +40,6 @@ const TRUST: Trust = Trust { safety: 20.0, lead: 4.0 };
 /// Rounding of an angle near π/2, in parts of what the factor of safety makes of it: at grazing angles the integrals vary over
 /// angles of the size of mu and alpha.
 const ANGLE: f64 = 0.25 * f64::EPSILON;
-/// How far below alpha the average must resolve the horizon and the critical angle.
-const AVERAGE_SCALE: f64 = 1e-4;
 /// How near its branch point, of second order or nearly, the Beta function must be resolved where it is at the horizon itself: in
 /// cosines within a cone …
 const BRANCH: f64 = 1e-5;

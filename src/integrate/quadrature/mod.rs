@@ -3,11 +3,15 @@
 mod beckmann;
 mod charlie;
 mod dielectric;
+mod dielectric_average;
+#[cfg(test)]
+mod evaluations;
 mod ggx;
 
 pub use beckmann::{beckmann_albedo_average, beckmann_reflection};
 pub use charlie::{charlie_albedo, charlie_albedo_average};
-pub use dielectric::{dielectric_scattering, dielectric_scattering_average};
+pub use dielectric::dielectric_scattering;
+pub use dielectric_average::dielectric_scattering_average;
 pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection, ggx_split};
 
 use super::Estimate;

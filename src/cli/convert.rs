@@ -1,0 +1,112 @@
+//! `kiln convert`: a file in another container, another packing, another shape.
+
+use super::console::Console;
+use clap::{Args, ValueEnum};
+use kiln::convert::{Conversion, Report, Shape, convert, usual_format};
+use kiln::format::{self, Container, FormatSpec, atomic};
+use kiln::{Error, Result};
+use std::path::PathBuf;
+
+/// Convert a file between containers, packings, panorama and cube, and say what that cost
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Values that the new format has no room for, and mips, faces and channels that it has no place for, are an error unless a \
+                  flag says what becomes of them."
+)]
+pub struct Convert {
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    input: PathBuf,
+    /// File to write
+    output: PathBuf,
+    /// Container and texel format, such as ktx2:rgba16f+zstd, dds:bc6h, hdr: see `kiln list formats` [default: by the extension, with
+    /// the packing that the file has where there is that]
+    #[arg(long)]
+    format: Option<FormatSpec>,
+    /// What a picture of the sphere becomes
+    #[arg(long, value_enum, value_name = "SHAPE")]
+    shape: Option<ShapeName>,
+    /// Texels along an edge of the cube [default: a quarter of the panorama's width]
+    #[arg(long, value_name = "N")]
+    size: Option<usize>,
+    /// Only that level of the mips, 0 the largest
+    #[arg(long, value_name = "N")]
+    level: Option<usize>,
+    /// Only the first N channels
+    #[arg(long, value_name = "N")]
+    channels: Option<usize>,
+    /// Bring values that the new format has no room for to the nearest that it has
+    #[arg(long)]
+    clamp: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ShapeName {
+    /// A cube map: the exact average over each texel
+    Cube,
+    /// A panorama, four times as wide as the cube: likewise
+    Panorama,
+}
+
+impl Convert {
+    pub fn run(&self, console: &Console) -> Result<()> {
+        let decoded = format::read(&self.input)?;
+        let format = match self.format {
+            Some(format) => format,
+            None => usual_format(self.container()?, &decoded)?,
+        };
+        let shape = match (self.shape, self.size) {
+            (Some(ShapeName::Cube), size) => Shape::Cube(self.checked_size(size)?),
+            (shape, Some(_)) if !matches!(shape, Some(ShapeName::Cube)) => {
+                return Err(Error::usage(
+                    "--size without --shape cube",
+                    "leave it out: only a cube has a size of its own",
+                ));
+            }
+            (Some(ShapeName::Panorama), _) => Shape::Panorama,
+            _ => Shape::Keep,
+        };
+        let conversion = Conversion { format, shape, level: self.level, channels: self.channels, clamp: self.clamp };
+        let (bytes, report) = convert(decoded, &conversion).map_err(|e| e.in_file(&self.input))?;
+        atomic::write(&self.output, &bytes)?;
+        for note in &report.notes {
+            console.note(&format!("{}: {note}", self.output.display()));
+        }
+        if console.json { console.print_json(&report) } else { console.print(&text(self, format, &report)) }
+    }
+
+    fn checked_size(&self, size: Option<usize>) -> Result<usize> {
+        match size {
+            None => Ok(0),
+            Some(n) if (1..=kiln::recipe::LARGEST_CUBE).contains(&n) => Ok(n),
+            Some(n) => Err(Error::usage(
+                format!("size {n} is not in 1..={}", kiln::recipe::LARGEST_CUBE),
+                "use something like --size 256",
+            )),
+        }
+    }
+
+    fn container(&self) -> Result<Container> {
+        let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        Container::of_extension(&extension).ok_or_else(|| {
+            Error::usage(
+                format!("{} does not say which format it is to have", self.output.display()),
+                "give --format, such as ktx2:rgba16f; see `kiln list formats`",
+            )
+        })
+    }
+}
+
+fn text(convert: &Convert, format: FormatSpec, report: &Report) -> String {
+    let Report { packing, rms_error, max_error, count, .. } = report;
+    let mut text = format!(
+        "{}: {format}, off by at most {max_error:.3e}, {rms_error:.3e} RMS over {count} values; {} overflowed, {} below zero, {} not finite\n",
+        convert.output.display(),
+        packing.overflowed,
+        packing.negative,
+        packing.nonfinite
+    );
+    if let Some(change) = report.flux_change {
+        text += &format!("the mean over the sphere changed by {change:.1e} of it\n");
+    }
+    text
+}

@@ -1,0 +1,41 @@
+//! Babylon.js.
+
+use super::*;
+
+pub(super) static BABYLON: Engine = Engine {
+    name: "babylon",
+    title: "Babylon.js' PBRMaterial",
+    tables: &[EngineTable {
+        file: "environmentBRDF.png",
+        format: "png:rgbd",
+        channels: &["ggx.bias", "ggx.albedo", "charlie.albedo"],
+        axes: &["mu:256", "roughness:256"],
+        ..PLAIN
+    }],
+    environment: Some(EngineEnvironment {
+        size: 256,
+        levels: Levels::DownTo(1),
+        roughness: RoughnessMap::Babylon,
+        as_shipped: None,
+        kernel: KernelKind::Nol,
+        orientation: "-x,y,z",
+        irradiance: IrradianceKind::Sh,
+        irradiance_size: 32,
+        format: "env",
+        irradiance_format: "env",
+        specular_file: "{name}.env",
+        irradiance_file: "{name}_irradiance.env",
+        sh: ShConvention::Babylon,
+    }),
+    sources: &[
+        "BabylonJS/Babylon.js: hdrFiltering.ts, hdrFilteringFunctions.fx, environmentTextureTools.pure.ts, cubemapToSphericalPolynomial.ts, getBRDFLookup",
+        "measured in Babylon.js 9.34.0: which files its loaders take, and which way they show them",
+    ],
+    from_memory: &["that the table's third channel is Charlie's with Neubelt's visibility"],
+    warnings: &[
+        "the world is left-handed: glTF's +X, as Babylon.js imports it, is -X, and the cube is mirrored to match",
+        "at r = 1 the irradiance is read, not a specular level; levels beyond alpha 1 hold alpha 1",
+    ],
+    missing: &["the OpenPBR tables (F82 in the third channel; fuzz)", "areaLightsLTC: linearly transformed cosines"],
+    usage: "CubeTexture.CreateFromPrefilteredData; scene.environmentBRDFTexture takes the table, decoded from RGBD",
+};

@@ -1,0 +1,40 @@
+//! Bevy.
+
+use super::*;
+
+pub(super) static BEVY: Engine = Engine {
+    name: "bevy",
+    title: "Bevy's bevy_pbr",
+    tables: &[EngineTable {
+        file: "dfg.ktx2",
+        format: "ktx2:rg16f+zstd",
+        channels: &["ggx.scale", "ggx.bias"],
+        axes: &["mu:64", "roughness:64"],
+        ..PLAIN
+    }],
+    environment: Some(EngineEnvironment {
+        size: 256,
+        levels: Levels::DownTo(1),
+        roughness: RoughnessMap::Linear,
+        as_shipped: None,
+        kernel: KernelKind::G1,
+        orientation: "x,y,-z",
+        irradiance: IrradianceKind::Cube,
+        irradiance_size: 32,
+        format: "ktx2:rgb9e5+zstd",
+        irradiance_format: "ktx2:rgb9e5+zstd",
+        specular_file: "{name}_specular_rgb9e5_zstd.ktx2",
+        irradiance_file: "{name}_diffuse_rgb9e5_zstd.ktx2",
+        sh: ShConvention::Kiln,
+    }),
+    sources: &[
+        "bevyengine/bevy: crates/bevy_pbr/src/lib.rs, render/pbr_lighting.wesl, light_probe/, environment_map/dfg.ktx2",
+    ],
+    from_memory: &[],
+    warnings: &[
+        "its own dfg.ktx2 is 0.5 % low at grazing angles: too few samples; the right one is baked",
+        "bevy negates Z before it samples: a file of the glTF IBL sampler shows mirrored, this one does not",
+    ],
+    missing: &["ltc.ktx2: linearly transformed cosines"],
+    usage: "EnvironmentMapLight { specular_map, diffuse_map }; insert the DFG as DfgLut before PbrPlugin does",
+};

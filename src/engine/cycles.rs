@@ -1,0 +1,74 @@
+//! Cycles.
+
+use super::*;
+
+pub(super) static CYCLES: Engine = Engine {
+    name: "cycles",
+    title: "Blender's Cycles",
+    tables: &[
+        EngineTable {
+            name: "ggx-albedo",
+            file: "ggx_E.h",
+            format: "c:f32",
+            channels: &["ggx.albedo"],
+            axes: &["roughness:32:edge", "mu:32:edge"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "ggx-albedo-avg",
+            file: "ggx_Eavg.h",
+            format: "c:f32",
+            channels: &["ggx.albedo_avg"],
+            axes: &["roughness:32:edge"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "dielectric-albedo",
+            file: "ggx_glass_E.h",
+            format: "c:f32",
+            channels: &["dielectric.albedo"],
+            axes: &["roughness:16:edge", "mu:16:edge", "eta:16:f0-fourth-root:edge"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "dielectric-albedo-inverse",
+            file: "ggx_glass_inv_E.h",
+            format: "c:f32",
+            channels: &["dielectric.albedo"],
+            axes: &["roughness:16:edge", "mu:16:edge", "eta:16:0..1:f0-fourth-root:edge"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "dielectric-albedo-avg",
+            file: "ggx_glass_Eavg.h",
+            format: "c:f32",
+            channels: &["dielectric.albedo_avg"],
+            axes: &["roughness:16:edge", "eta:16:f0-fourth-root:edge"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "dielectric-albedo-avg-inverse",
+            file: "ggx_glass_inv_Eavg.h",
+            format: "c:f32",
+            channels: &["dielectric.albedo_avg"],
+            axes: &["roughness:16:edge", "eta:16:0..1:f0-fourth-root:edge"],
+            // From inside the glass a narrow lobe meets the critical angle: the average is known to some 1e-6 there, far beyond Cycles' own.
+            tolerance: Some(1e-5),
+            ..PLAIN
+        },
+    ],
+    environment: None,
+    sources: &["blender/cycles: app/cycles_precompute.cpp, kernel/closure/bsdf_microfacet.h, scene/shader.tables"],
+    from_memory: &["that masking and shadowing are height-correlated"],
+    warnings: &[
+        "its own glass tables are of an older sampler, off by up to 0.93; the right ones are baked",
+        "its own ggx_E is not monotone at the horizon (0.98 at r = 1/31); at the horizon the limit 1 is baked",
+        "Cycles clamps to 1e-4..1 and the index' axis to 0.99: the limits themselves are baked",
+    ],
+    missing: &[
+        "ggx_gen_schlick_ior_s, ggx_gen_schlick_s: interpolation of Schlick's reflectance",
+        "sheen_ltc: linearly transformed cosines",
+        "thin_film_cmf",
+    ],
+    usage: "replace the arrays of scene/shader.tables, x fastest as here",
+};

@@ -1,0 +1,58 @@
+//! Unity's High Definition Render Pipeline.
+
+use super::*;
+
+pub(super) static UNITY_HDRP: Engine = Engine {
+    name: "unity-hdrp",
+    title: "Unity's High Definition Render Pipeline",
+    tables: &[
+        EngineTable {
+            file: "PreIntegratedFGD_GGXDisneyDiffuse.exr",
+            format: "exr:f16",
+            channels: &["ggx.bias", "ggx.albedo", "burley.albedo:/1.03571:-0.5"],
+            axes: &["mu:64:sqrt:edge", "roughness:64:edge"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "charlie-albedo",
+            file: "PreIntegratedFGD_CharlieFabricLambert_y.exr",
+            format: "exr:f16",
+            channels: &["charlie.albedo:y/(1+y)"],
+            axes: &["mu:64", "roughness:64"],
+            visibility: Visibility::Charlie,
+            ..PLAIN
+        },
+    ],
+    environment: Some(EngineEnvironment {
+        size: 128,
+        levels: Levels::Count(7),
+        roughness: RoughnessMap::Unity,
+        as_shipped: None,
+        kernel: KernelKind::Nol,
+        orientation: "-x,y,z",
+        irradiance: IrradianceKind::None,
+        irradiance_size: 32,
+        format: "dds:bc6h",
+        irradiance_format: "dds:bc6h",
+        specular_file: "{name}.dds",
+        irradiance_file: "{name}_irradiance.dds",
+        sh: ShConvention::Kiln,
+    }),
+    sources: &[
+        "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader, BSDF.hlsl, ImageBasedLighting.hlsl",
+    ],
+    from_memory: &[
+        "that the texture is A2B10G10R10; the file is of halves",
+        "that an importer turns a right-handed world by negating X, which the cube follows",
+    ],
+    warnings: &[
+        "its shader reads the GGX and Lambert table with mu as it is in one place, though the table is over sqrt(mu)",
+        "HDRP makes its tables and probes itself, at run time: these files are for replacing them",
+    ],
+    missing: &[
+        "the x of the Charlie table, which is weighted by Schlick's (1 - VoH)^5",
+        "the linearly transformed cosines of _LtcData",
+        "SphericalHarmonicsL2: take sh.json",
+    ],
+    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse",
+};

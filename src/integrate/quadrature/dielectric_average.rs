@@ -1,0 +1,295 @@
+//! The averages of a rough dielectric, integrated over the facets and, around each, over the directions from which it is seen.
+//!
+//! Averaged over wo, the order of integration is free. With θ the angle of the facet's normal h to the surface's, β that of wo to h,
+//! φ the azimuth of wo around h from the plane of both normals and β_t the angle of refraction,
+//!
+//! ```text
+//! 2 ∫ R μo dμo = 2 ∫ D(θ) sinθ dθ ∫ F(β) cosβ sinβ dβ ∫ G2(μo, μi) dφ,      μo, μi = cosθ cosβ ± sinθ sinβ cosφ,
+//! ```
+//!
+//! and the same for what goes through with 1 − F(β) and μt = cosθ cosβ_t + sinθ sinβ/η cosφ: D depends on θ alone and F on β alone,
+//! so that nothing has a peak that moves. From β = π/2 − θ on a horizon cuts the circle of φ, where the integral over φ gets a term
+//! of the power 3/2; beyond the critical angle F has a root of the distance. Both are ends of panels that the square of the variable
+//! undoes, and where they meet is an end of the panels in θ. Everything else that is not smooth is G2 at cosines of ±iα/√(1 − α²), D at
+//! θ = ±i atanh α, and Fresnel's root where η is nearly 1. What goes through is what comes back: T_avg(1/η) η² = T_avg(η), so that η is
+//! above 1 there. Derived here; checked against the closed forms of η = 1 and of the mirrors, against the integral over wo of the
+//! directional quantities, and against Monte Carlo.
+
+use super::{Rung, Sum, Trust, climb_with};
+use crate::integrate::Estimate;
+use crate::model::dielectric::{Dielectric, reflectance, transmittance};
+use crate::model::smith::Smith;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// 2 ∫ … mu dmu of [reflectance, transmittance, their sum] of the interface.
+///
+/// Facets of equal width in all directions, in (0, 1], with a masking that light can go through; an index in (0, ∞).
+pub fn dielectric_scattering_average(interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
+    let average = Average::of(interface);
+    climb_with(TRUST, tolerance, |rung| {
+        let (up, down) = (average.reflected(rung), average.transmitted(rung));
+        Sum { values: [up, down, up + down], defect: 0.0 }
+    })
+}
+
+/// Rules of twice the digits on all floors leave more than one rung to spare.
+const TRUST: Trust = Trust { safety: 4.0, lead: 8.0 };
+/// Further than any angle or cosine.
+const FAR: f64 = 10.0;
+/// How near a facet that stands upright, where next to nothing is seen of it, the integral over θ must be resolved.
+const UPRIGHT: f64 = 0.1;
+/// How near its branch point, at the horizon itself, the Beta function must be resolved, in parts of the width.
+const BRANCH: f64 = 1e-5;
+
+/// An end of panels, and what is not smooth near it on either side.
+#[derive(Clone, Copy)]
+struct End {
+    at: f64,
+    above: Side,
+    below: Side,
+}
+
+/// How near the next singularity is, and whether the end itself is one that a root undoes.
+#[derive(Clone, Copy)]
+struct Side {
+    near: f64,
+    root: bool,
+}
+
+fn plain(near: f64) -> Side {
+    Side { near, root: false }
+}
+
+fn root(near: f64) -> Side {
+    Side { near, root: true }
+}
+
+/// ∫ f over the panels between `ends`; `f` takes the position, and the end and the distance from it that it was computed from,
+/// which are exact.
+fn over_panels(ends: &[End], rung: &Rung, f: impl Fn(f64, &End, f64) -> f64) -> f64 {
+    let mut sum = 0.0;
+    for (i, panel) in ends.windows(2).enumerate() {
+        let half = 0.5 * (panel[1].at - panel[0].at);
+        if half <= 0.0 {
+            continue;
+        }
+        let before = if i > 0 { panel[0].at - ends[i - 1].at } else { FAR };
+        let after = ends.get(i + 2).map_or(FAR, |e| e.at - panel[1].at);
+        for (end, side, sign, beyond) in
+            [(&panel[0], panel[0].above, 1.0, before), (&panel[1], panel[1].below, -1.0, after)]
+        {
+            let near = side.near.min(beyond) / half;
+            let scale = if side.root { near.sqrt() } else { near };
+            for (x, w) in rung.doubled.at_scale(scale).iter() {
+                let (t, weight) = if side.root { (x * x, 2.0 * x * w) } else { (x, w) };
+                let t = sign * t * half;
+                sum += half * weight * f(end.at + t, end, t);
+            }
+        }
+    }
+    sum
+}
+
+/// The interface, and what of it is needed everywhere.
+struct Average<'a> {
+    interface: &'a Dielectric,
+    alpha: f64,
+    smith: Smith,
+    /// The index from the thinner side.
+    n: f64,
+    /// α/√(1 − α²): the cosine, times i, at which G2 has its branch points.
+    width: f64,
+    /// The same as an angle, atanh α.
+    angle: f64,
+}
+
+impl<'a> Average<'a> {
+    fn of(interface: &'a Dielectric) -> Self {
+        let (alpha, eta) = (interface.facets.alpha_x, interface.eta);
+        let width = (alpha / ((1.0 - alpha) * (1.0 + alpha)).max(0.0).sqrt()).min(FAR);
+        let n = if eta < 1.0 { 1.0 / eta } else { eta };
+        Self { interface, alpha, smith: interface.facets.smith, n, width, angle: alpha.atanh().min(FAR) }
+    }
+
+    /// √(n² − 1), the cosine, times i, at which Fresnel's root vanishes; nothing vanishes where there is no interface.
+    fn fresnel_root(&self) -> f64 {
+        if self.n == 1.0 { FAR } else { ((self.n - 1.0) * (self.n + 1.0)).sqrt() }
+    }
+
+    /// The distance of F's first singularity beyond grazing incidence: its root, and the pole of r∥.
+    fn beyond_grazing(&self) -> f64 {
+        self.fresnel_root().min(1.0 / (self.n * self.n + 1.0).sqrt())
+    }
+
+    /// From the denser side, the critical angle and how near it F, as a function of the root of the distance, has its next
+    /// singularities: Brewster's pole on the other sheet, and the cosine 0.
+    fn critical(&self) -> Option<(f64, f64)> {
+        let eta = self.interface.eta;
+        (eta < 1.0).then(|| {
+            let cos = ((1.0 - eta) * (1.0 + eta)).sqrt();
+            let pole = eta.powi(3) / (2.0 * cos * (1.0 + eta * eta));
+            (eta.asin(), pole.min(cos / (2.0 * eta)))
+        })
+    }
+
+    fn reflected(&self, rung: &Rung) -> f64 {
+        let critical = self.critical();
+        // Where the horizon meets the critical angle.
+        let meeting = critical.map(|(angle, near)| {
+            let side = plain(near.min(self.angle));
+            End { at: FRAC_PI_2 - angle, above: side, below: side }
+        });
+        let grazing = plain(0.5 * self.angle.min(if critical.is_some() { FAR } else { 2.0 * self.beyond_grazing() }));
+        self.over_facets(meeting, rung, |facet| {
+            let mut ends = vec![
+                facet.nearest_end(),
+                facet.horizon(self.angle),
+                End { at: FRAC_PI_2, above: plain(FAR), below: grazing },
+            ];
+            if let Some((angle, near)) = critical {
+                let above = plain(self.angle.hypot(angle - facet.horizon));
+                ends.push(End { at: angle, above, below: root(near) });
+                ends.sort_by(|a, b| a.at.total_cmp(&b.at));
+            }
+            over_panels(&ends, rung, |beta, end, t| {
+                let circle = Circle::new(facet, beta, end, t);
+                // Of the circle, the quarter in which wi is the lower one of the two.
+                let length = circle.length - FRAC_PI_2;
+                let length = if circle.is_cut { (circle.p / circle.q).min(1.0).asin() } else { length };
+                let near = if circle.is_cut { self.width } else { circle.lowest.hypot(self.width) };
+                let rule = rung.doubled.at_scale(circle.in_azimuth(near) / length);
+                let g2 = rule.integrate(|x| {
+                    let mu_i = circle.cosine(x * length);
+                    let mu_o = 2.0 * circle.p - mu_i;
+                    let v = self.smith.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)));
+                    4.0 * mu_o * mu_i * v
+                });
+                4.0 * length * g2 * reflectance(circle.cos, self.interface.eta) * circle.cos * circle.sin
+            })
+        })
+    }
+
+    fn transmitted(&self, rung: &Rung) -> f64 {
+        let (n, eta) = (self.n, self.interface.eta);
+        let grazing = plain((0.5 * self.angle).min(self.beyond_grazing()));
+        let from_outside = self.over_facets(None, rung, |facet| {
+            let ends = [
+                facet.nearest_end(),
+                facet.horizon(self.angle),
+                End { at: FRAC_PI_2, above: plain(FAR), below: grazing },
+            ];
+            over_panels(&ends, rung, |beta, end, t| {
+                let circle = Circle::new(facet, beta, end, t);
+                let cos_t = ((n - 1.0) * (n + 1.0) + circle.cos * circle.cos).sqrt() / n;
+                // μt is this and μo/n.
+                let offset = facet.cos * (cos_t - circle.cos / n).max(0.0); // below 0 by rounding only
+                let near = self.beyond_horizon(&circle, offset);
+                let rule = rung.doubled.at_scale(circle.in_azimuth(near) / circle.length);
+                let g2 = rule.integrate(|x| {
+                    let mu_o = circle.cosine(x * circle.length);
+                    let mu_t = offset + mu_o / n;
+                    let masking = self.smith.through((mu_o, self.l(mu_o)), (mu_t, self.l(mu_t))).unwrap_or(0.0);
+                    mu_o * masking
+                });
+                2.0 * circle.length * g2 * transmittance(circle.cos, cos_t, n) * circle.cos * circle.sin
+            })
+        });
+        if eta < 1.0 { from_outside * eta * eta } else { from_outside }
+    }
+
+    /// How far in μo beyond the end of the circle G2 of light that goes through misbehaves: at its branch points; where the cosines
+    /// are opposite, at μo = −offset/(1 + 1/n); the Beta function at the horizon.
+    fn beyond_horizon(&self, circle: &Circle, offset: f64) -> f64 {
+        if self.smith == Smith::Beta {
+            return circle.lowest.max(BRANCH * self.width.min(1.0));
+        }
+        // At n = 1 both cosines vanish together, and the pole with them.
+        let pole = if self.n == 1.0 { FAR } else { offset / (1.0 + 1.0 / self.n) };
+        circle.lowest.hypot(self.width).min(circle.lowest + pole)
+    }
+
+    /// 2 ∫ D sinθ f dθ over the facets.
+    fn over_facets(&self, meeting: Option<End>, rung: &Rung, f: impl Fn(&Facet) -> f64) -> f64 {
+        let flat = plain(0.5 * self.angle.min(self.fresnel_root()));
+        let mut ends = vec![
+            End { at: 0.0, above: flat, below: plain(FAR) },
+            End { at: FRAC_PI_2, above: plain(FAR), below: plain(UPRIGHT) },
+        ];
+        if let Some(end) = meeting {
+            ends.insert(1, end);
+        }
+        let alpha2 = self.alpha * self.alpha;
+        over_panels(&ends, rung, |theta, end, t| {
+            let (sin, cos) = theta.sin_cos();
+            let horizon = if end.at == FRAC_PI_2 { -t } else { FRAC_PI_2 - theta };
+            let d = alpha2 / (PI * (alpha2 * cos * cos + sin * sin).powi(2));
+            2.0 * d * sin * f(&Facet { sin, cos, horizon })
+        })
+    }
+
+    fn l(&self, mu: f64) -> f64 {
+        (self.alpha * self.alpha * (1.0 - mu) * (1.0 + mu) + mu * mu).sqrt()
+    }
+}
+
+/// A facet: the sine and cosine of θ, and π/2 − θ, the β from which on the horizon cuts the circle.
+struct Facet {
+    sin: f64,
+    cos: f64,
+    horizon: f64,
+}
+
+impl Facet {
+    /// β = 0: everything is smooth there up to where the horizon is, mirrored.
+    fn nearest_end(&self) -> End {
+        End { at: 0.0, above: plain(self.horizon), below: plain(FAR) }
+    }
+
+    fn horizon(&self, angle: f64) -> End {
+        End { at: self.horizon, above: root(angle.min(self.horizon)), below: plain(angle) }
+    }
+}
+
+/// The directions at one β around a facet, from where they are lowest.
+struct Circle {
+    sin: f64,
+    cos: f64,
+    /// cosθ cosβ and sinθ sinβ.
+    p: f64,
+    q: f64,
+    /// The sine and cosine of φ at the lowest direction above the surface, φ itself, and the cosine to the surface's normal there.
+    sin_end: f64,
+    cos_end: f64,
+    length: f64,
+    lowest: f64,
+    is_cut: bool,
+}
+
+impl Circle {
+    fn new(facet: &Facet, beta: f64, end: &End, t: f64) -> Self {
+        let (sin, cos) = beta.sin_cos();
+        let cos = if end.at == FRAC_PI_2 { (-t).sin() } else { cos };
+        let beyond = if end.at == facet.horizon { t } else { beta - facet.horizon };
+        let (p, q) = (facet.cos * cos, facet.sin * sin);
+        if beyond <= 0.0 {
+            let lowest = (-beyond).sin();
+            return Self { sin, cos, p, q, sin_end: 0.0, cos_end: -1.0, length: PI, lowest, is_cut: false };
+        }
+        // cosφ = −p/q there, and q − p = sin(β + θ − π/2).
+        let sin_end = (beyond.sin() * (q + p)).max(0.0).sqrt() / q;
+        let cos_end = -p / q;
+        Self { sin, cos, p, q, sin_end, cos_end, length: sin_end.atan2(cos_end), lowest: 0.0, is_cut: true }
+    }
+
+    /// The cosine to the surface's normal at an azimuth of `t` from the lowest direction, without cancellation.
+    fn cosine(&self, t: f64) -> f64 {
+        let (s, c) = (0.5 * t).sin_cos();
+        self.lowest + 2.0 * self.q * s * (self.sin_end * c - self.cos_end * s)
+    }
+
+    /// The distance in azimuth of what is `beyond` the lowest cosine.
+    fn in_azimuth(&self, beyond: f64) -> f64 {
+        let beyond = beyond / self.q;
+        beyond / (self.sin_end * self.sin_end + 2.0 * beyond).sqrt().max(f64::MIN_POSITIVE)
+    }
+}

@@ -1,0 +1,231 @@
+//! Looking up a table.
+
+use super::code::{Function, Item, Statement, Type};
+use super::{Shader, energy, identifier, packing};
+use crate::certificate::Certificate;
+use crate::error::Result;
+use crate::math::expression::Expression;
+use crate::recipe::TableRecipe;
+use crate::table::{Arrangement, Axis, Sampling};
+
+/// Channels of a texture: a table with more is looked up in several.
+const CHANNELS: usize = 4;
+
+/// What its functions are made of.
+struct Names<'a> {
+    name: &'a str,
+    axes: &'a [Axis],
+    fields: Vec<String>,
+    arrangement: Arrangement,
+    /// Whether texels are codes.
+    is_coded: bool,
+}
+
+pub(super) fn shader(name: &str, recipe: &TableRecipe, certificate: &Certificate) -> Result<Shader> {
+    let spec = recipe.spec()?;
+    spec.check()?;
+    let quantities: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
+    let decoder = packing::decoder(name, recipe.format.texel(quantities.len())?);
+    let names = Names {
+        name,
+        axes: &spec.axes,
+        fields: identifier::fields(&quantities),
+        arrangement: recipe.arrangement()?,
+        is_coded: decoder.is_some(),
+    };
+    let mut items = vec![names.structure(), names.coordinate()];
+    items.extend(decoder);
+    if names.arrangement.is_atlas() {
+        items.push(names.tile());
+    }
+    items.push(names.lookup());
+    items.extend(energy::items(name, &quantities, &names.fields));
+    Ok(Shader { head: names.head(recipe, certificate), items })
+}
+
+impl Names<'_> {
+    fn head(&self, recipe: &TableRecipe, certificate: &Certificate) -> String {
+        let size: Vec<String> = self.axes.iter().map(|a| a.size.to_string()).collect();
+        let mut head = format!(
+            "{}: {} texels, {}; code by Kiln {}, from the file's certificate.\n\n",
+            recipe.file,
+            size.join(" × "),
+            recipe.format,
+            env!("CARGO_PKG_VERSION")
+        );
+        for (channel, quantity) in recipe.channels.iter().enumerate() {
+            let definition = certificate.channels.iter().find(|c| c.quantity == *quantity);
+            head += &format!(
+                "{}: {quantity}{}",
+                self.swizzle(channel),
+                definition.map_or_else(String::new, |c| format!(" = {}", c.definition))
+            );
+            if let Some(error) = certificate.lookup.iter().find(|l| l.channel == *quantity) {
+                head += &format!(
+                    "\n    through bilinear filtering within {:.1e} (RMS {:.1e}), worst at {}",
+                    error.max, error.rms, error.worst_at
+                );
+            }
+            head += "\n";
+        }
+        head += "\n";
+        for (axis, letter) in self.axes.iter().zip("uvw".chars()) {
+            let (low, high) = axis.ends();
+            let texels = match axis.sampling {
+                Sampling::Centre => "the range ends half a texel outside the outermost centres",
+                Sampling::Edge => "the outermost texels hold the ends",
+            };
+            head += &format!(
+                "{letter}: {}, {}; {low} to {high}, warp {}{}, {texels}\n",
+                axis.parameter.shader_name(),
+                axis.parameter.summary(),
+                axis.warp,
+                if axis.flip { ", flipped" } else { "" }
+            );
+        }
+        for (parameter, value) in recipe.at.given() {
+            head += &format!("{} is {value}\n", parameter.shader_name());
+        }
+        head += "\nSampler: linear filter, clamped to the edge, no mips.";
+        if self.arrangement.is_layered() {
+            head += " The slices of the file go into a 3D texture, the first one first.";
+        }
+        if self.n_textures() > 1 {
+            head += &format!(" The channels go into {} textures, {CHANNELS} in each.", self.n_textures());
+        }
+        head + "\n"
+    }
+
+    fn n_textures(&self) -> usize {
+        self.fields.len().div_ceil(CHANNELS)
+    }
+
+    fn texture(&self, i: usize) -> String {
+        if self.n_textures() == 1 { "table".to_owned() } else { format!("table{i}") }
+    }
+
+    /// Where a channel is: `table.x`.
+    fn swizzle(&self, channel: usize) -> String {
+        format!("{}.{}", self.texture(channel / CHANNELS), &"xyzw"[channel % CHANNELS..=channel % CHANNELS])
+    }
+
+    fn values(&self) -> Type {
+        Type::Struct(format!("{}_values", self.name))
+    }
+
+    fn parameters(&self) -> Vec<(String, Type)> {
+        self.axes.iter().map(|a| (a.parameter.shader_name().to_owned(), Type::Float)).collect()
+    }
+
+    fn arguments(&self) -> String {
+        self.axes.iter().map(|a| a.parameter.shader_name()).collect::<Vec<_>>().join(", ")
+    }
+
+    fn is_volume(&self) -> bool {
+        self.arrangement.is_volume() || self.arrangement.is_layered()
+    }
+
+    fn structure(&self) -> Item {
+        Item::Struct("What the table holds.".to_owned(), format!("{}_values", self.name), self.fields.clone())
+    }
+
+    /// The texture coordinates of the parameters: two, or three for a table over three axes.
+    fn coordinate(&self) -> Item {
+        let letters = ["x", "y", "z"];
+        let mut body: Vec<Statement> = self
+            .axes
+            .iter()
+            .zip(letters)
+            .map(|(axis, letter)| {
+                let within = axis.kept_within(Expression::variable(axis.parameter.shader_name()));
+                Statement::Let(letter.to_owned(), Type::Float, within.to_string())
+            })
+            .collect();
+        let mut coordinates: Vec<String> = self
+            .axes
+            .iter()
+            .zip(letters)
+            .map(|(axis, letter)| axis.coordinate(Expression::variable(letter)).to_string())
+            .collect();
+        if coordinates.len() == 1 {
+            coordinates.push("0.5".to_owned()); // the middle of the only row
+        }
+        let (word, result) = if coordinates.len() == 3 { ("vec3", Type::Vec3) } else { ("vec2", Type::Vec2) };
+        body.push(Statement::Return(format!("{word}({})", coordinates.join(", "))));
+        Item::Function(Function {
+            comment: "Where in the table the parameters are, from 0 to 1.".to_owned(),
+            name: format!("{}_coordinate", self.name),
+            parameters: self.parameters(),
+            result,
+            body,
+        })
+    }
+
+    /// The place of a slice in an atlas.
+    fn tile(&self) -> Item {
+        let [u, v] = self.arrangement.atlas_coordinate(["at.x", "at.y", "slice"].map(Expression::variable));
+        Item::Function(Function {
+            comment:
+                "Where in the picture a place of a slice is; half a texel within it, so that filtering stays inside."
+                    .to_owned(),
+            name: format!("{}_tile", self.name),
+            parameters: vec![("at".to_owned(), Type::Vec2), ("slice".to_owned(), Type::Float)],
+            result: Type::Vec2,
+            body: vec![Statement::Return(format!("vec2({u}, {v})"))],
+        })
+    }
+
+    fn lookup(&self) -> Item {
+        let texture = if self.is_volume() { Type::Texture3 } else { Type::Texture2 };
+        let textures = (0..self.n_textures()).map(|i| (self.texture(i), texture.clone()));
+        let at = if self.axes.len() == 3 { Type::Vec3 } else { Type::Vec2 };
+        let let_ = |name: &str, of: Type, value: String| Statement::Let(name.to_owned(), of, value);
+        let mut body = vec![let_("at", at, format!("{}_coordinate({})", self.name, self.arguments()))];
+        if self.arrangement.is_atlas() {
+            let last = (self.axes[2].size - 1) as f64;
+            let slice = (Expression::variable("at.z") * self.axes[2].size as f64 - 0.5).clamp(0.0, last);
+            body.push(let_("slice", Type::Float, slice.to_string()));
+            body.push(let_("below", Type::Float, "floor(slice)".to_owned()));
+            let above = Expression::variable("below") + 1.0;
+            body.push(let_("above", Type::Float, above.clamp(0.0, last).to_string()));
+        }
+        for i in 0..self.n_textures() {
+            let (texture, texel) = (self.texture(i), self.texel(i));
+            let value = if self.arrangement.is_atlas() {
+                let slice = |s: &str| self.sample(&texture, &format!("{}_tile(at.xy, {s})", self.name));
+                format!("mix({}, {}, slice - below)", slice("below"), slice("above"))
+            } else if self.is_volume() || self.axes.len() < 3 {
+                self.sample(&texture, "at")
+            } else {
+                self.sample(&texture, "at.xy") // one slice, in a picture
+            };
+            body.push(let_(&texel, Type::Vec4, value));
+        }
+        body.push(Statement::Variable("values".to_owned(), self.values()));
+        for (channel, field) in self.fields.iter().enumerate() {
+            let component = &"xyzw"[channel % CHANNELS..=channel % CHANNELS];
+            body.push(Statement::Set(
+                format!("values.{field}"),
+                format!("{}.{component}", self.texel(channel / CHANNELS)),
+            ));
+        }
+        body.push(Statement::Return("values".to_owned()));
+        Item::Function(Function {
+            comment: "The table at the parameters.".to_owned(),
+            name: format!("{}_lookup", self.name),
+            parameters: textures.chain(self.parameters()).collect(),
+            result: self.values(),
+            body,
+        })
+    }
+
+    /// The values at a place.
+    fn sample(&self, texture: &str, at: &str) -> String {
+        let texel = format!("sample({texture}, {at}, 0.0)");
+        if self.is_coded { format!("vec4({}_decode({texel}), 1.0)", self.name) } else { texel }
+    }
+
+    fn texel(&self, i: usize) -> String {
+        if self.n_textures() == 1 { "texel".to_owned() } else { format!("texel{i}") }
+    }
+}

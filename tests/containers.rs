@@ -1,0 +1,549 @@
+//! Every container and every packing in it, through the one dispatch, read back by Kiln and by readers that other people wrote.
+
+#![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
+
+mod support;
+
+use kiln::bake;
+use kiln::convert::{Conversion, Shape, convert};
+use kiln::format::{self, Container, Decoded, FormatSpec, Texture, Variant, dds, hdr, ktx2};
+use kiln::pack::{Number, TexelFormat, bc6h};
+use kiln::recipe::{EnvironmentRecipe, TableRecipe};
+use kiln::verify::{self, Options};
+use std::path::{Path, PathBuf};
+use support::samples::Random;
+use support::tools;
+
+fn file(folder: &tempfile::TempDir, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.path().join(name);
+    format::atomic::write(&path, bytes).unwrap();
+    path
+}
+
+/// Values within what the format holds, 0 and the largest of a few stops among them.
+fn values(format: TexelFormat, n: usize) -> Vec<f64> {
+    let mut random = Random(31);
+    let most = format.largest(0).min(60.0);
+    (0..n * format.channels()).map(|_| most * random.unit().powi(3)).collect()
+}
+
+/// A texture of the kind: flat, cube, volume, array.
+fn texture(kind: &str, format: TexelFormat) -> Texture {
+    let mut texture = match kind {
+        "flat" => Texture::empty(format, 6, 5),
+        "cube" => Texture::empty_cube(format, 8),
+        "volume" => Texture { depth: 5, ..Texture::empty(format, 6, 4) },
+        _ => Texture { array_layers: 3, ..Texture::empty(format, 6, 5) },
+    };
+    let n_levels = if kind == "flat" { 1 } else { 3 };
+    for level in 0..n_levels {
+        let [width, height] = texture.level_size(level);
+        let level = values(format, width * height * texture.layers(level));
+        texture.push_level(&level).unwrap();
+    }
+    texture
+}
+
+/// Texels only: containers differ in what else they carry.
+fn assert_same_texels(what: &str, wanted: &Texture, got: &Texture) {
+    let shape = |t: &Texture| (t.format, t.width, t.height, t.depth, t.array_layers, t.faces, t.levels.len());
+    assert_eq!(shape(got), shape(wanted), "{what}");
+    assert!(got.levels == wanted.levels, "{what}: other texels");
+}
+
+#[test]
+fn every_format_is_read_again_as_it_was_packed() {
+    for spec in FormatSpec::all() {
+        let format = spec.texel(3).unwrap_or_else(|_| spec.texel(1).unwrap());
+        let kinds: &[&str] = match spec.container() {
+            Container::Ktx2 | Container::Ktx1 => &["flat", "cube", "volume", "array"],
+            Container::Dds if spec.variant() == Variant::Legacy => &["flat", "cube", "volume"],
+            Container::Dds => &["flat", "cube", "volume", "array"],
+            Container::Env => &[],
+            _ => &["flat"],
+        };
+        for kind in kinds {
+            let what = format!("{spec} {kind}");
+            let texture = texture(kind, format);
+            let bytes = format::encode(spec, &texture).unwrap_or_else(|e| panic!("{what}: {e}"));
+            if spec.container() == Container::Raw {
+                assert_eq!(bytes, texture.levels[0], "{what}");
+                continue;
+            }
+            let decoded = format::decode(&bytes).unwrap_or_else(|e| panic!("{what}: {e}"));
+            let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
+            match &decoded {
+                Decoded::Texture(back) => assert_same_texels(&what, &texture, back),
+                // An OpenEXR sorts its channels by name: B, G, R.
+                Decoded::Picture(image, stored) if spec.container() == Container::Exr => {
+                    let rgb: Vec<f32> = image.rgb().unwrap().into_iter().flatten().collect();
+                    assert_eq!((rgb, *stored), (texture.values(0), format), "{what}");
+                }
+                _ => {
+                    assert_eq!(decoded.values(), wide(texture.values(0)), "{what}");
+                    let number = decoded.format().unwrap().number();
+                    assert_eq!(number, format.number(), "{what}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_a_container_has_no_place_for_is_refused_with_those_that_have() {
+    for (name, kind) in [("hdr", "cube"), ("png:rgb8unorm", "array"), ("exr:f32", "volume")] {
+        let spec: FormatSpec = name.parse().unwrap();
+        let message = format::encode(spec, &texture(kind, spec.texel(3).unwrap())).unwrap_err().to_string();
+        assert!(message.contains("which holds one picture; use ktx2, ktx1 or dds"), "{message}");
+    }
+    let cube = texture("cube", "rgb32f".parse().unwrap());
+    let message = format::encode("npy:f32".parse().unwrap(), &cube).unwrap_err().to_string();
+    assert!(message.contains("3 levels in an array, which has one"), "{message}");
+    let message = format::encode("ktx2:rgba16f".parse().unwrap(), &cube).unwrap_err().to_string();
+    assert!(message.contains("rgb32f for a file of ktx2:rgba16f; pack it as rgba16f"), "{message}");
+}
+
+#[test]
+fn zstandard_gives_back_the_levels_and_ktx2_readers_find_it() {
+    for name in ["rgba16f", "rgb9e5", "bc6h"] {
+        let texture = texture("cube", name.parse().unwrap());
+        let bytes = ktx2::encode_zstd(&texture).unwrap();
+        let reader = ::ktx2::Reader::new(&bytes).unwrap();
+        assert_eq!(reader.header().supercompression_scheme, Some(::ktx2::SupercompressionScheme::Zstandard));
+        for (level, wanted) in reader.levels().zip(&texture.levels) {
+            assert_eq!(level.uncompressed_byte_length as usize, wanted.len());
+            assert_eq!(&zstd::bulk::decompress(level.data, wanted.len()).unwrap(), wanted, "{name}");
+        }
+        let mut lies = bytes.clone();
+        lies[80 + 16] ^= 1; // how long level 0 is when it is decompressed
+        assert!(ktx2::decode(&lies).is_err());
+    }
+}
+
+#[test]
+fn dds_is_what_ddsfile_reads() {
+    use ddsfile::{D3DFormat, Dds, DxgiFormat};
+    let formats = [
+        ("rgba16f", DxgiFormat::R16G16B16A16_Float),
+        ("rg16f", DxgiFormat::R16G16_Float),
+        ("rgba32f", DxgiFormat::R32G32B32A32_Float),
+        ("rgb32f", DxgiFormat::R32G32B32_Float),
+        ("rgba8unorm", DxgiFormat::R8G8B8A8_UNorm),
+        ("r16unorm", DxgiFormat::R16_UNorm),
+        ("rgb9e5", DxgiFormat::R9G9B9E5_SharedExp),
+        ("b10g11r11", DxgiFormat::R11G11B10_Float),
+        ("bc6h", DxgiFormat::BC6H_UF16),
+    ];
+    for (name, dxgi) in formats {
+        for kind in ["flat", "cube", "volume", "array"] {
+            let texture = texture(kind, name.parse().unwrap());
+            let theirs = Dds::read(&dds::encode(&texture).unwrap()[..]).unwrap();
+            let what = format!("{name} {kind}");
+            assert_eq!(theirs.get_dxgi_format(), Some(dxgi), "{what}");
+            assert_eq!((theirs.get_width(), theirs.get_height()), (texture.width as u32, texture.height as u32));
+            assert_eq!(theirs.get_num_mipmap_levels() as usize, texture.levels.len(), "{what}");
+            if kind == "volume" {
+                assert_eq!(theirs.get_depth(), 5);
+                continue; // the crate cuts volumes only by layers
+            }
+            let elements = texture.layers(0);
+            let cubes = theirs.header10.as_ref().unwrap().array_size;
+            assert_eq!(cubes as usize * texture.faces, elements, "{what}");
+            for element in 0..elements {
+                // The crate takes faces for layers of their own.
+                let stride = theirs.data.len() / elements;
+                let mut rest = &theirs.data[element * stride..(element + 1) * stride];
+                for level in 0..texture.levels.len() {
+                    let wanted = texture.picture(level, element).unwrap();
+                    let (got, after) = rest.split_at(wanted.len());
+                    assert!(got == wanted, "{what}: level {level} of element {element}");
+                    rest = after;
+                }
+            }
+        }
+    }
+    let cube = texture("cube", "rgba16f".parse().unwrap());
+    let theirs = Dds::read(&dds::encode_legacy(&cube).unwrap()[..]).unwrap();
+    assert_eq!(theirs.get_d3d_format(), Some(D3DFormat::A16B16G16R16F));
+    assert!(theirs.header10.is_none());
+    assert_eq!(theirs.header.caps2.bits(), 0xfe00);
+    assert_eq!(theirs.header.spf.fourcc.as_ref().unwrap().0, 113);
+}
+
+#[test]
+fn dds_of_other_texels_is_refused_by_name() {
+    let mut bytes = dds::encode(&texture("flat", "rgba16f".parse().unwrap())).unwrap();
+    bytes[128] = 99; // BC7
+    assert!(dds::decode(&bytes).unwrap_err().to_string().contains("DXGI's number 99; convert it"));
+    bytes[84..88].copy_from_slice(b"DXT1");
+    assert!(dds::decode(&bytes).unwrap_err().to_string().contains("texel format is DXT1"));
+}
+
+/// The writer is exact: every value comes back within half a step of the shared exponent, in all of f32's range, by other people's reader.
+#[test]
+fn hdr_is_exact_and_read_by_the_image_crate() {
+    use image::ImageDecoder;
+    let mut random = Random(32);
+    for width in [5_usize, 8, 300] {
+        let mut values: Vec<f64> =
+            (0..width * 4 * 3).map(|_| random.unit() * 2_f64.powi(random.below(200) as i32 - 100)).collect();
+        values[..6].copy_from_slice(&[1e-39, 0.0, 1e-42, 1.6e38, 1.0, 0.25]);
+        values[30..42].fill(0.5); // a run
+        let (texture, report) = Texture::flat(TexelFormat::Rgbe, width, 4, &values).unwrap();
+        assert_eq!((report.overflowed, report.negative, report.nonfinite), (0, 0, 0));
+        let bytes = hdr::encode(&texture).unwrap();
+        let decoder = image::codecs::hdr::HdrDecoder::new(&bytes[..]).unwrap();
+        let mut theirs = vec![0; decoder.total_bytes() as usize];
+        decoder.read_image(&mut theirs).unwrap();
+        let theirs: Vec<f32> = theirs.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect();
+        assert_eq!(theirs, hdr::decode(&bytes).unwrap().texels);
+        for (texel, got) in values.chunks_exact(3).zip(theirs.chunks_exact(3)) {
+            let brightest = texel.iter().copied().fold(0.0, f64::max);
+            let half = 0.5 * TexelFormat::Rgbe.step(0, brightest, brightest).unwrap();
+            for c in 0..3 {
+                assert!((f64::from(got[c]) - texel[c]).abs() <= half, "{texel:?} became {got:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bc6h_errors_are_those_that_its_report_states() {
+    let mut random = Random(33);
+    for (width, height) in [(1, 1), (2, 2), (5, 3), (16, 12)] {
+        // A sky that grows brighter upwards, a little noise, and a sun.
+        let mut values: Vec<f64> =
+            (0..width * height * 3).map(|i| 0.5 + 0.01 * (i / 3) as f64 + 0.02 * random.unit()).collect();
+        values[0] = 3000.0;
+        let (blocks, report) = bc6h::pack(width, height, &values);
+        assert_eq!(blocks.len(), 16 * width.div_ceil(4) * height.div_ceil(4));
+        let back = bc6h::unpack(width, height, &blocks);
+        let worst = back.iter().zip(&values).map(|(&b, v)| (f64::from(b) - v).abs()).fold(0.0, f64::max);
+        assert_eq!(report.max_abs_error, worst, "{width} × {height}");
+        assert!(report.max_block_error <= 0.1, "{width} × {height}: {report:?}");
+    }
+    let flat = vec![0.75; 48];
+    let (_, report) = bc6h::pack(4, 4, &flat);
+    assert!(report.max_block_error < 1e-2, "one colour is off by {report:?}");
+    let (blocks, report) = bc6h::pack(4, 4, &[[-1.0, 1e9, f64::NAN]; 16].concat());
+    assert_eq!((report.negative, report.overflowed, report.nonfinite), (16, 16, 16));
+    assert!(bc6h::unpack(4, 4, &blocks).chunks_exact(3).all(|t| t[0] < 1.0 && t[1] > 6e4 && t[2] < 1.0));
+}
+
+/// Prints shape, type and values in hexadecimal.
+const READ_NPY: &str = r#"
+import numpy, sys
+a = numpy.load(sys.argv[1])
+print(a.dtype.str, *a.shape)
+print(*[float(v).hex() for v in a.astype("float64").ravel()])
+"#;
+
+#[test]
+fn npy_is_what_numpy_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    for (number, dtype) in [(Number::F16, "<f2"), (Number::F32, "<f4")] {
+        let format = TexelFormat::Plain { channels: 2, number };
+        let (texture, _) = Texture::volume(format, [3, 4, 5], &values(format, 60)).unwrap();
+        let spec = FormatSpec::new(Container::Npy, format).unwrap();
+        let path = file(&folder, "a.npy", &format::encode(spec, &texture).unwrap());
+        let Some(printed) = tools::python(READ_NPY, &path) else { return };
+        let (head, numbers) = printed.trim().split_once('\n').unwrap();
+        assert_eq!(head, format!("{dtype} 5 4 3 2"));
+        let wanted: Vec<f32> = texture.values(0);
+        assert_eq!(numbers.split(' ').map(parse_hex).collect::<Vec<f32>>(), wanted);
+    }
+}
+
+/// A number as Python's `float.hex` prints it: `0x1.8000000000000p+3`.
+fn parse_hex(text: &str) -> f32 {
+    let (mantissa, exponent) = text.strip_prefix("0x").unwrap().split_once('p').unwrap();
+    let (whole, fraction) = mantissa.split_once('.').unwrap();
+    let digits = u64::from_str_radix(&format!("{whole}{fraction}"), 16).unwrap() as f64;
+    (digits * 2_f64.powi(exponent.parse::<i32>().unwrap() - 4 * fraction.len() as i32)) as f32
+}
+
+/// Prints size, channels and values in hexadecimal, as floats: integers divided by their largest.
+const READ_OIIO: &str = r#"
+import OpenImageIO as oiio, sys
+inp = oiio.ImageInput.open(sys.argv[1])
+assert inp, oiio.geterror()
+spec = inp.spec()
+print(spec.format, spec.width, spec.height, *spec.channelnames)
+print(*[float(v).hex() for v in inp.read_image("float").ravel()])
+"#;
+
+/// OpenImageIO as a second reader of pictures.
+#[test]
+fn pictures_are_what_openimageio_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    if tools::folder_with("python/OpenImageIO").is_none() {
+        return;
+    }
+    for (name, stored) in [
+        ("exr:f16", "half 6 5 R G B"),
+        ("exr:f32", "float 6 5 R G B"),
+        ("hdr", "float 6 5 R G B"),
+        ("png:rgb8unorm", "uint8 6 5 R G B"),
+        ("png:rgb16unorm", "uint16 6 5 R G B"),
+    ] {
+        let spec: FormatSpec = name.parse().unwrap();
+        let texture = texture("flat", spec.texel(3).unwrap());
+        let bytes = format::encode(spec, &texture).unwrap();
+        let path = file(&folder, &format!("a.{}", spec.extension()), &bytes);
+        let Some(printed) = tools::python(READ_OIIO, &path) else { return };
+        let (head, numbers) = printed.trim().split_once('\n').unwrap();
+        assert_eq!(head, stored, "{name}");
+        for (got, wanted) in numbers.split(' ').map(parse_hex).zip(texture.values(0)) {
+            // It divides integers in f32: one rounding more.
+            let slack = if texture.format.is_signed() || name == "hdr" { 0.0 } else { f32::EPSILON * wanted };
+            assert!((got - wanted).abs() <= slack, "{name}: {got} and {wanted}");
+        }
+    }
+}
+
+/// A table of closed forms, which takes no time, with as many channels as its format holds, 3 at most.
+fn table(format: &str) -> TableRecipe {
+    let format: FormatSpec = format.parse().unwrap();
+    let mut recipe = TableRecipe::named("fresnel-dielectric", format).unwrap();
+    recipe.axes.iter_mut().for_each(|axis| axis.size = 8);
+    let n = (1..=3).rev().find(|&n| format.texel(n).is_ok()).unwrap();
+    recipe.channels.truncate(n);
+    recipe
+}
+
+/// Whatever format a table is baked in, its file is verified from its bytes and its certificate alone, and a changed texel is found.
+#[test]
+fn tables_of_every_container_are_verified_and_a_changed_texel_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in [
+        "exr:f16",
+        "ktx2:rg16unorm",
+        "ktx2:rgb9e5",
+        "ktx2:b10g11r11",
+        "ktx2:bc6h",
+        "ktx2:rgbd",
+        "ktx2:rg16f+zstd",
+        "ktx1:rg8unorm",
+        "dds:rg16f",
+        "dds:rg32f+legacy",
+        "hdr",
+        "png:rgb16unorm",
+        "png:rgbm",
+        "png:rgbp",
+        "npy:f32",
+        "raw:rg16f",
+        "c:f32",
+        "rust:f16",
+        "glsl:f32",
+        "hlsl:f32",
+        "wgsl:f32",
+        "js:f32",
+    ] {
+        let recipe = table(format);
+        let baked = bake::table(&recipe, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
+        let certificate = &baked.certificate;
+        assert!(certificate.packing.max_abs_error > 0.0, "{format}");
+        let per_channel = recipe.texel_format().unwrap().is_per_channel();
+        let total = 64 * recipe.channels.len() as u64;
+        assert_eq!(certificate.rounding.map(|r| r.certified + r.undecided), per_channel.then_some(total), "{format}");
+        baked.write(folder.path()).unwrap();
+        let path = folder.path().join(&recipe.file);
+        let report = verify::file(&path, Options::default()).unwrap_or_else(|e| panic!("{format}: {e}"));
+        assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
+        assert!(report.checks.len() > 3 && report.skipped.is_empty(), "{format}");
+        spoil(&path, format);
+        let found = verify::file(&path, Options::default()).map(|report| report.failures());
+        assert!(!matches!(found, Ok(0)), "{format}: a changed texel is not found");
+    }
+}
+
+/// Changes something in the texels: the last byte of a container that ends with them, a digit of source code.
+fn spoil(path: &Path, format: &str) {
+    let mut bytes = std::fs::read(path).unwrap();
+    let is_text = ["c:", "rust:", "glsl:", "hlsl:", "wgsl:", "js:"].iter().any(|name| format.starts_with(name));
+    let at = if is_text {
+        let values = String::from_utf8(bytes.clone()).unwrap().find("// values").unwrap();
+        values + bytes[values..].iter().position(u8::is_ascii_digit).unwrap() + 2
+    } else {
+        // The most significant byte of the last texel's last used channel is somewhere in the last few.
+        bytes.len() - if format.starts_with("png") { 30 } else { 3 }
+    };
+    bytes[at] = if is_text { b'0' + (bytes[at] - b'0' + 3) % 10 } else { bytes[at] ^ 0x15 };
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_table_of_more_channels_than_its_format_has_is_refused() {
+    let recipe = TableRecipe { format: "ktx2:r16f".parse().unwrap(), ..table("ktx2:rg16f") };
+    assert!(bake::table(&recipe, &|_| {}).unwrap_err().to_string().contains("holds 1 channels, and 2 were asked for"));
+}
+
+#[test]
+fn environments_of_every_container_are_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    for (format, min_size) in [
+        ("ktx2:rgb9e5+zstd", 4),
+        ("ktx2:bc6h", 4),
+        ("ktx1:b10g11r11", 4),
+        ("dds:bc6h", 4),
+        ("dds:rgba16f+legacy", 4),
+        ("env", 1),
+    ] {
+        let mut recipe = EnvironmentRecipe::new("builtin:sky");
+        (recipe.size, recipe.min_size, recipe.irradiance_size) = (8, min_size, 4);
+        recipe.format = format.parse().unwrap();
+        recipe.directory = format.replace([':', '+'], "-");
+        let source = bake::source(&recipe).unwrap();
+        let baked = bake::environment(&recipe, &source, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
+        for path in baked.write(folder.path()).unwrap() {
+            if path.ends_with("certificate.json") {
+                continue;
+            }
+            let report = verify::file(&path, Options::default()).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            assert_eq!(report.failures(), 0, "{}: {:?}", path.display(), report.checks);
+        }
+    }
+    let read = |name: &str| match format::read(&folder.path().join(name)).unwrap() {
+        Decoded::Texture(texture) => texture,
+        other => panic!("{name}: {other:?}"),
+    };
+    assert_eq!(read("ktx1-b10g11r11/specular.ktx").metadata("sh").unwrap().lines().count(), 9);
+    assert_eq!(read("env/specular.env").levels.len(), 4);
+}
+
+/// The white furnace of a `.env` is xx = yy = zz = 1 and nothing else; that of Filament's nine lines 1 and nothing else.
+#[test]
+fn the_irradiance_of_a_white_furnace_is_one_in_every_convention() {
+    let baked = |format: &str, min_size: usize| {
+        let mut recipe = EnvironmentRecipe::new("builtin:white");
+        (recipe.size, recipe.min_size, recipe.irradiance_size) = (4, min_size, 4);
+        recipe.format = format.parse().unwrap();
+        let source = bake::source(&recipe).unwrap();
+        let (_, bytes) = bake::environment(&recipe, &source, &|_| {}).unwrap().files.remove(0);
+        match format::decode(&bytes).unwrap() {
+            Decoded::Texture(texture) => texture,
+            other => panic!("{format}: {other:?}"),
+        }
+    };
+    let env = baked("env", 1);
+    let terms: serde_json::Value = serde_json::from_str(env.metadata("sphericalPolynomial").unwrap()).unwrap();
+    for (name, wanted) in [
+        ("x", 0.0),
+        ("y", 0.0),
+        ("z", 0.0),
+        ("xx", 1.0),
+        ("yy", 1.0),
+        ("zz", 1.0),
+        ("yz", 0.0),
+        ("zx", 0.0),
+        ("xy", 0.0),
+    ] {
+        let got = terms[name][1].as_f64().unwrap();
+        assert!((got - wanted).abs() < 1e-12, "{name}: {got}");
+    }
+    assert!(env.values(0).iter().all(|&v| v == 1.0), "white is white in RGBD");
+    let ktx1 = baked("ktx1:b10g11r11", 4);
+    let numbers: Vec<f64> = ktx1.metadata("sh").unwrap().split_whitespace().map(|n| n.parse().unwrap()).collect();
+    assert_eq!(numbers.len(), 27);
+    assert!(numbers[..3].iter().all(|v| (v - 1.0).abs() < 1e-7) && numbers[3..].iter().all(|v| v.abs() < 1e-7));
+}
+
+fn conversion(format: &str) -> Conversion {
+    let format = format.parse().unwrap();
+    Conversion { format, shape: Shape::Keep, level: None, channels: None, clamp: false }
+}
+
+fn converted(bytes: &[u8], conversion: &Conversion) -> kiln::Result<(Vec<u8>, kiln::convert::Report)> {
+    convert(format::decode(bytes)?, conversion)
+}
+
+#[test]
+fn conversions_that_need_no_rounding_change_nothing() {
+    let cube = texture("cube", "rgba16f".parse().unwrap());
+    let mut bytes = ktx2::encode(&cube).unwrap();
+    for name in ["dds:rgba16f", "ktx1:rgba16f", "ktx2:rgba32f+zstd", "dds:rgba32f+legacy", "ktx2:rgba16f"] {
+        let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!((report.max_error, report.rms_error), (0.0, 0.0), "{name}");
+        bytes = next;
+    }
+    let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+    assert_same_texels("round trip", &cube, &back);
+    let flat = texture("flat", "rgb32f".parse().unwrap());
+    let mut bytes = format::encode("npy:f32".parse().unwrap(), &flat).unwrap();
+    for name in ["c:f32", "wgsl:f32", "exr:f32", "rust:f32", "js:f32", "glsl:f32", "hlsl:f32", "ktx2:rgb32f", "npy:f32"]
+    {
+        let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(report.max_error, 0.0, "{name}");
+        bytes = next;
+    }
+    assert_eq!(bytes, format::encode("npy:f32".parse().unwrap(), &flat).unwrap());
+}
+
+#[test]
+fn conversions_report_what_they_cost() {
+    let values = [0.1, 0.2, 70_000.0, -1.0, 0.5, 0.25];
+    let (flat, _) = Texture::flat("rgb32f".parse().unwrap(), 2, 1, &values).unwrap();
+    let bytes = ktx2::encode(&flat).unwrap();
+    let message = converted(&bytes, &conversion("ktx2:rgb9e5")).unwrap_err().to_string();
+    assert!(message.contains("no room for 1 values beyond 65408, 1 below zero and 0"), "{message}");
+    assert!(message.contains("with --clamp"), "{message}");
+    let (_, report) = converted(&bytes, &Conversion { clamp: true, ..conversion("ktx2:rgb9e5") }).unwrap();
+    assert_eq!((report.packing.overflowed, report.packing.negative, report.max_error), (1, 1, 4592.0));
+    let (_, report) = converted(&bytes, &Conversion { clamp: true, ..conversion("ktx2:rgb16f") }).unwrap();
+    let halves = [0.1_f32, 0.2].map(|v| (half::f16::from_f32(v).to_f64() - f64::from(v)).abs());
+    assert_eq!(report.packing.max_abs_error, halves[0].max(halves[1]));
+}
+
+#[test]
+fn conversions_refuse_what_would_be_lost_in_silence() {
+    let cube = ktx2::encode(&texture("cube", "rgba16f".parse().unwrap())).unwrap();
+    let message = converted(&cube, &conversion("hdr")).unwrap_err().to_string();
+    assert!(
+        message.contains("hdr holds 3 channels, and there are 4: R, G, B, A; choose another format, or drop"),
+        "{message}"
+    );
+    let rgb = Conversion { channels: Some(3), ..conversion("hdr") };
+    assert!(converted(&cube, &rgb).unwrap_err().to_string().contains("which holds one picture"));
+    let (flat, _) =
+        Texture::flat("rgba32f".parse().unwrap(), 2, 1, &[0.5, 0.5, 0.5, 1.0, 0.25, 1.0, 2.0, 1.0]).unwrap();
+    let (file, report) = converted(&ktx2::encode(&flat).unwrap(), &conversion("hdr")).unwrap();
+    assert!(report.notes.iter().any(|note| note.contains("alpha, which is 1 everywhere")));
+    assert_eq!(hdr::decode(&file).unwrap().texels, [0.5, 0.5, 0.5, 0.25, 1.0, 2.0]);
+}
+
+/// Channels of an OpenEXR are sorted by name; in a texture they are red, green, blue, or those of the table in its order.
+#[test]
+fn channels_of_an_openexr_come_in_the_order_that_was_meant() {
+    let image = kiln::format::Image::new(1, 1, &["B", "A", "G", "R"], vec![3.0_f64, 1.0, 2.0, 1.5]).unwrap();
+    let (exr, _) = format::exr::encode(&image, Number::F32).unwrap();
+    let (ktx2, _) = converted(&exr, &conversion("ktx2:rgba32f")).unwrap();
+    assert_eq!(ktx2::decode(&ktx2).unwrap().values(0), [1.5, 2.0, 3.0, 1.0]);
+    // The scale comes first in the table, the bias in the OpenEXR.
+    let dfg = |format: &str| {
+        let mut recipe = TableRecipe::named("dfg", format.parse().unwrap()).unwrap();
+        recipe.axes.iter_mut().for_each(|axis| axis.size = 4);
+        bake::table(&recipe, &|_| {}).unwrap().files.remove(0).1
+    };
+    let (ktx2, _) = converted(&dfg("exr:f32"), &conversion("ktx2:rg32f")).unwrap();
+    let direct = dfg("ktx2:rg32f");
+    assert_eq!(ktx2::decode(&ktx2).unwrap().levels, ktx2::decode(&direct).unwrap().levels);
+}
+
+#[test]
+fn a_panorama_becomes_a_cube_and_a_panorama_of_the_same_flux() {
+    let mut random = Random(34);
+    let values: Vec<f64> = (0..32 * 16 * 3).map(|_| random.unit().powi(4) * 50.0).collect();
+    let (panorama, _) = Texture::flat("rgb32f".parse().unwrap(), 32, 16, &values).unwrap();
+    let bytes = ktx2::encode(&panorama).unwrap();
+    let (cube, report) = converted(&bytes, &Conversion { shape: Shape::Cube(0), ..conversion("dds:rgb32f") }).unwrap();
+    let Decoded::Texture(texture) = format::decode(&cube).unwrap() else { panic!("a texture") };
+    assert_eq!((texture.faces, texture.width), (6, 8));
+    // Sums of f32 texels: exact to a few of their roundings.
+    assert!(report.flux_change.unwrap() < 1e-6, "{report:?}");
+    let (back, report) = converted(&cube, &Conversion { shape: Shape::Panorama, ..conversion("hdr") }).unwrap();
+    assert!(report.flux_change.unwrap() < 1e-6, "{report:?}");
+    assert_eq!(hdr::decode(&back).unwrap().width, 32);
+    let message =
+        converted(&bytes, &Conversion { shape: Shape::Panorama, ..conversion("hdr") }).unwrap_err().to_string();
+    assert!(message.contains("no cube, where one is to become a panorama"), "{message}");
+}

@@ -1,0 +1,749 @@
+//! The shader code that Kiln emits: it compiles in every language, and computes what the library does.
+
+#![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
+
+mod support;
+
+use kiln::certificate::Certificate;
+use kiln::environment::spherical_harmonics::SphericalHarmonics;
+use kiln::format::{Decoded, decode};
+use kiln::integrate::{Integration, Settings};
+use kiln::language::Language;
+use kiln::math::expression::Expression;
+use kiln::math::warp::Warp;
+use kiln::recipe::{EnvironmentRecipe, TableRecipe};
+use kiln::shader::{Shader, level_of_roughness};
+use kiln::table::named::TABLES;
+use kiln::table::{Axis, Point, TableSpec, quantity};
+use std::collections::HashMap;
+use std::path::Path;
+use std::process::Command;
+use std::sync::LazyLock;
+use support::bilinear::sample;
+use support::f32_error::{ULP, evaluate};
+use support::samples::Random;
+use support::{browser, tools};
+
+/// The parts of axes that each warp can have: how it is written, in which range.
+fn every_axis(parameter: &str, size: usize) -> Vec<String> {
+    let mut axes = vec![];
+    for warp in Warp::ALL.map(|w| if w == (Warp::Log { offset: 0.0 }) { Warp::Log { offset: 0.05 } } else { w }) {
+        if warp == Warp::F0FourthRoot {
+            continue; // of an index of refraction only
+        }
+        for sampling in ["centre", "edge"] {
+            for flip in ["", ":flip"] {
+                axes.push(format!("{parameter}:{size}:{warp}:{sampling}{flip}"));
+            }
+        }
+    }
+    axes
+}
+
+fn every_axis_of_an_index(size: usize) -> Vec<String> {
+    let mut axes = vec![];
+    for range in ["1.1..2.5:linear", "0.4..0.9:log", "1..3:f0-fourth-root", "0.3..1:f0-fourth-root", "f0-fourth-root"] {
+        for sampling in ["centre", "edge"] {
+            axes.extend(["", ":flip"].map(|flip| format!("eta:{size}:{range}:{sampling}{flip}")));
+        }
+    }
+    axes
+}
+
+fn recipe(channels: &[&str], axes: &[String], format: &str, layout: Option<&str>) -> TableRecipe {
+    let mut recipe = TableRecipe::named("dfg", format.parse().unwrap()).unwrap();
+    recipe.channels = channels.iter().map(|&c| c.to_owned()).collect();
+    recipe.axes = axes.iter().map(|a| a.parse().unwrap()).collect();
+    recipe.layout = layout.map(|l| l.parse().unwrap());
+    recipe
+}
+
+fn shader_of(name: &str, recipe: TableRecipe) -> Shader {
+    Shader::of_table(name, &Certificate { table: Some(recipe), ..Certificate::new() }).unwrap()
+}
+
+/// Tables of one to three axes with every warp, sampling and flip, in every layout; every named table; chains.
+fn every_shader() -> Vec<Shader> {
+    let mut recipes = vec![];
+    for axis in every_axis("f0", 16) {
+        recipes.push(recipe(&["fresnel.schlick_avg"], &[axis], "ktx2:r16f", None));
+    }
+    for axis in every_axis_of_an_index(16) {
+        recipes.push(recipe(&["fresnel.dielectric_avg"], &[axis], "exr:f32", None));
+    }
+    let axes = |p: &str| every_axis(p, 8).into_iter();
+    for ((mu, roughness), rho) in axes("mu").zip(axes("roughness").rev()).zip(axes("rho").cycle().skip(9)) {
+        let two = [mu, roughness];
+        recipes.push(recipe(&["ggx.scale", "ggx.bias", "ggx.f82"], &two, "ktx2:rgba16f", None));
+        let three = [two.as_slice(), &[rho]].concat();
+        for (format, layout) in
+            [("ktx2:r16f", None), ("ktx2:r32f", Some("atlas:3")), ("exr:f32", None), ("exr:f16", Some("atlas"))]
+        {
+            recipes.push(recipe(&["eon.albedo"], &three, format, layout));
+        }
+    }
+    for format in ["png:rgbm", "png:rgbp", "png:rgbd"] {
+        let axes = ["mu:8".to_owned(), "roughness:8".to_owned(), "rho:4".to_owned()];
+        recipes.push(recipe(&["ggx.scale", "ggx.bias"], &axes[..2], format, None));
+        recipes.push(recipe(&["eon.albedo"], &axes, format, Some("atlas")));
+    }
+    for table in TABLES {
+        recipes.push(TableRecipe::named(table.name, "exr:f32".parse().unwrap()).unwrap());
+    }
+    let tables = recipes.into_iter().enumerate().map(|(i, r)| shader_of(&format!("table_{i}"), r));
+    let chains = chains().into_iter().enumerate().map(|(i, roughness)| chain_shader(&format!("chain_{i}"), &roughness));
+    tables.chain(chains).collect()
+}
+
+/// Even, as Filament has it, uneven, with two equal levels, of one level.
+fn chains() -> Vec<Vec<f64>> {
+    let quadratic = (0..5).map(|m| 1.0 - (1.0 - f64::from(m) / 4.0).sqrt()).collect();
+    vec![vec![0.0, 0.25, 0.5, 0.75, 1.0], quadratic, vec![0.1, 0.2, 0.6, 0.9], vec![0.0, 0.5, 0.5, 1.0], vec![0.5]]
+}
+
+/// The coefficients of an environment, computed once.
+static SH: LazyLock<SphericalHarmonics> = LazyLock::new(|| {
+    let panorama = kiln::environment::builtin("gradient", 64).unwrap();
+    kiln::environment::spherical_harmonics::project(&panorama)
+});
+
+fn chain_shader(name: &str, roughness: &[f64]) -> Shader {
+    let environment =
+        EnvironmentRecipe { roughness: Some(roughness.to_vec()), ..EnvironmentRecipe::new("builtin:sky") };
+    let certificate = Certificate { environment: Some(environment), ..Certificate::new() };
+    Shader::of_environment(name, &certificate, Some(&SH)).unwrap()
+}
+
+fn all_code(language: Language) -> String {
+    kiln::shader::combined(&every_shader(), language)
+}
+
+#[test]
+fn every_piece_of_wgsl_is_valid_to_naga() {
+    let code = all_code(Language::Wgsl);
+    let module = naga::front::wgsl::parse_str(&code).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&code)));
+    assert!(module.functions.len() > 400, "only {} functions", module.functions.len());
+    validate(&module);
+}
+
+/// The names that textures have in what is emitted, none after one that it begins with.
+const TEXTURES: [&str; 5] = ["table0", "table1", "table", "specular", "irradiance"];
+
+#[test]
+fn every_piece_of_glsl_is_valid_to_naga() {
+    // naga knows textures apart from their samplers only, as Vulkan can have them.
+    let mut code = all_code(Language::Glsl);
+    for (kind, dimension) in [("2D", "2D"), ("3D", "3D"), ("Cube", "Cube")] {
+        for name in TEXTURES {
+            let parameter = format!("texture{dimension} {name}, sampler {name}_sampler");
+            code = code.replace(&format!("highp sampler{kind} {name}"), &parameter);
+        }
+    }
+    let mut separate = String::new();
+    let mut kind = "2D";
+    for line in code.lines() {
+        kind = ["2D", "3D", "Cube"].into_iter().find(|k| line.contains(&format!("texture{k} "))).unwrap_or(kind);
+        let mut line = line.to_owned();
+        for name in TEXTURES {
+            let sampler = format!("textureLod(sampler{kind}({name}, {name}_sampler),");
+            line = line.replace(&format!("textureLod({name},"), &sampler);
+        }
+        separate += &(line + "\n");
+    }
+    let source = format!("#version 450 core\n{separate}\nvoid main() {{}}\n");
+    let options = naga::front::glsl::Options::from(naga::ShaderStage::Fragment);
+    let module = naga::front::glsl::Frontend::default()
+        .parse(&options, &source)
+        .unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
+    validate(&module);
+}
+
+fn validate(module: &naga::Module) {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+    if let Err(e) = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(module) {
+        panic!("{e:?}");
+    }
+}
+
+#[test]
+fn every_piece_of_glsl_and_hlsl_compiles_with_glslang() {
+    let es = format!("#version 300 es\nprecision highp float;\n{}\nvoid main() {{}}\n", all_code(Language::Glsl));
+    let desktop = format!("#version 330 core\n{}\nvoid main() {{}}\n", all_code(Language::Glsl));
+    let hlsl = format!("{}\nfloat4 main() : SV_Target {{ return 0.0; }}\n", all_code(Language::Hlsl));
+    for (name, code, flags) in
+        [("es.frag", es, &[][..]), ("desktop.frag", desktop, &[]), ("hlsl.frag", hlsl, &["-D", "-V", "-e", "main"])]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(name), &code).unwrap();
+        if !glslang(folder.path(), flags, name) {
+            return;
+        }
+    }
+}
+
+/// Whether the compiler is there; it must then take the file.
+fn glslang(folder: &Path, flags: &[&str], file: &str) -> bool {
+    let output = match Command::new("glslangValidator").args(flags).arg(file).current_dir(folder).output() {
+        Ok(output) => output,
+        Err(e) => {
+            tools::skip(&format!("glslangValidator does not start: {e}"));
+            return false;
+        }
+    };
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{file}: {said}");
+    true
+}
+
+/// What a page computes: one fragment shader, evaluated at points.
+struct Case {
+    name: String,
+    /// Functions, uniforms, and the value as a vec4 of the point `p`, four floats.
+    code: String,
+    value: String,
+    points: Vec<[f32; 4]>,
+    textures: Vec<Texture>,
+}
+
+struct Texture {
+    name: String,
+    kind: &'static str,
+    format: String,
+    levels: Vec<([usize; 3], Vec<u8>)>,
+}
+
+/// The values of all cases, or nothing where there is no browser.
+fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
+    let mut files = HashMap::new();
+    let mut list = vec![];
+    for case in cases {
+        let file = format!("{}.points", case.name);
+        files.insert(file.clone(), le_bytes(case.points.as_flattened()));
+        let mut samplers = String::new();
+        let mut textures = vec![];
+        for texture in &case.textures {
+            let kind = match texture.kind {
+                "2d" => "2D",
+                "3d" => "3D",
+                _ => "Cube",
+            };
+            samplers += &format!("uniform highp sampler{kind} {};\n", texture.name);
+            let levels: Vec<_> = texture
+                .levels
+                .iter()
+                .enumerate()
+                .map(|(i, (size, bytes))| {
+                    let file = format!("{}.{}.{i}", case.name, texture.name);
+                    files.insert(file.clone(), bytes.clone());
+                    serde_json::json!({ "size": size, "file": file })
+                })
+                .collect();
+            let texture = serde_json::json!({ "name": texture.name, "kind": texture.kind, "format": texture.format, "levels": levels });
+            textures.push(texture);
+        }
+        let fragment = format!(
+            "#version 300 es\nprecision highp float;\nuniform highp sampler2D points;\n{samplers}out vec4 result;\n{}\nvoid main() \
+             {{\n    vec4 p = texelFetch(points, ivec2(gl_FragCoord.x, 0), 0);\n    result = {};\n}}\n",
+            case.code, case.value
+        );
+        list.push(serde_json::json!({
+            "name": case.name, "fragment": fragment, "points": file, "n": case.points.len(), "textures": textures
+        }));
+    }
+    files.insert("cases.json".to_owned(), serde_json::json!({ "cases": list }).to_string().into_bytes());
+    let results = browser::run(include_str!("support/webgl.js"), files)?;
+    let values = |bytes: &Vec<u8>| browser::floats(bytes).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
+    Some(cases.iter().map(|case| (case.name.clone(), values(&results[&case.name]))).collect())
+}
+
+fn le_bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// Values of a parameter: the ends of its axis, and random ones.
+fn along(axis: &Axis, n: usize, random: &mut Random) -> Vec<f32> {
+    let (low, high) = axis.ends();
+    // Rounding to f32 must not leave the range, and an index of refraction that goes on forever is tried as far as 100.
+    let high = high.min(100.0);
+    let inside = |x: f64| (x as f32).clamp(low as f32, high as f32);
+    (0..n)
+        .map(|i| match i {
+            0 => inside(low),
+            1 => inside(high),
+            // Half of them evenly over the texture, where warps are steep.
+            _ if i % 2 == 0 => inside(axis.value_at_position(random.unit() * axis.size as f64 - 0.5).min(high)),
+            _ => inside(low + random.unit() * (high - low)),
+        })
+        .collect()
+}
+
+const POINTS: usize = 64;
+
+#[test]
+fn texture_coordinates_are_those_of_the_axis_to_f32_rounding() {
+    let mut random = Random(1);
+    let axes: Vec<Axis> = every_axis("mu", 64)
+        .into_iter()
+        .chain(every_axis("sigma", 7).into_iter().filter(|a| !a.contains("acos") && !a.contains("one-minus")))
+        .chain(every_axis_of_an_index(16))
+        .map(|a| a.parse().unwrap())
+        .collect();
+    let mut code = String::new();
+    let mut branches = String::new();
+    let mut points = vec![];
+    for (i, axis) in axes.iter().enumerate() {
+        let parameter = axis.parameter.shader_name();
+        let quantity = if parameter == "eta" { "fresnel.dielectric_avg" } else { "fresnel.schlick_avg" };
+        let mut recipe = recipe(&[quantity], &[axis.to_string()], "ktx2:r32f", None);
+        if parameter != "eta" {
+            // A quantity of one parameter; the axis is that of the other one.
+            recipe.channels = vec![if parameter == "NoV" { "lambert.albedo" } else { "oren-nayar.albedo" }.to_owned()];
+            if parameter == "sigma" {
+                recipe.at = Point::default().with(kiln::table::Parameter::Mu, 0.5).unwrap();
+            }
+        }
+        let text = shader_of(&format!("axis_{i}"), recipe).to_text(Language::Glsl);
+        code += &text;
+        branches += &format!("if (p.y == {i}.0) return axis_{i}_coordinate(p.x);\n");
+        points.extend(along(axis, POINTS, &mut random).into_iter().map(|x| [x, i as f32, 0.0, 0.0]));
+    }
+    code += &format!("vec2 find(vec4 p) {{\n{branches}return vec2(-1.0);\n}}\n");
+    let case =
+        Case { name: "axes".to_owned(), code, value: "vec4(find(p), 0.0, 0.0)".to_owned(), points, textures: vec![] };
+    let Some(found) = run(std::slice::from_ref(&case)) else { return };
+    for (point, found) in case.points.iter().zip(&found["axes"]) {
+        let axis = &axes[point[1] as usize];
+        let x = f64::from(point[0]);
+        let formula = axis.coordinate(axis.kept_within(Expression::variable("x")));
+        let mut bound = evaluate(&formula, &|_| x).error;
+        if axis.warp == Warp::Acos {
+            bound += 2.3e-8 / std::f64::consts::FRAC_PI_2; // of its polynomial
+        }
+        let wanted = (axis.position(x) + 0.5) / axis.size as f64;
+        let got = f64::from(found[0]);
+        assert!((got - wanted).abs() <= bound, "{axis} at {x}: got {got}, wanted {wanted} ± {bound:e}");
+        // The bound says something: less than a hundredth of the precision of filtering.
+        assert!(bound < 1e-4, "{axis} at {x}: bound {bound:e}");
+        assert_eq!(found[1], 0.5);
+    }
+}
+
+/// Steps into which hardware divides the way from one texel to the next: what Direct3D asks for, 8 bits, and all that most have. A
+/// weight is then off by up to one step of 1/256 (half of it where it is rounded), and a value by that part of the difference between
+/// the texels, once per axis.
+const SUBTEXEL: f64 = 1.0 / 256.0;
+
+/// A table in memory: what its file holds, and how a page gets it.
+struct Baked {
+    spec: TableSpec,
+    certificate: Certificate,
+    shader: Shader,
+    /// Value of a channel at a texel.
+    texels: Vec<f64>,
+    textures: Vec<Texture>,
+}
+
+fn bake(name: &str, recipe: &TableRecipe) -> Baked {
+    let baked = kiln::bake::table(recipe, &|_| ()).unwrap();
+    let (spec, arrangement) = (recipe.spec().unwrap(), recipe.arrangement().unwrap());
+    let bytes = &baked.files[0].1;
+    let n = spec.channels.len();
+    let flat = |format: &str, [w, h, d]: [usize; 3], bytes: Vec<u8>, name: &str, kind| Texture {
+        name: name.to_owned(),
+        kind,
+        format: format.to_owned(),
+        levels: vec![([w, h, d], bytes)],
+    };
+    let (texels, textures) = match decode(bytes).unwrap() {
+        Decoded::Texture(texture) => {
+            // The bytes of the file go to the page as they are.
+            let format = texture.format;
+            let values = texture.values(0);
+            let values: Vec<f32> = values.chunks_exact(format.channels()).flat_map(|t| t[..n].to_vec()).collect();
+            let kind = if arrangement.is_volume() { "3d" } else { "2d" };
+            let level = texture.levels[0].clone();
+            (arrangement.gather(&values), vec![flat(&format.to_string(), arrangement.size, level, "table", kind)])
+        }
+        Decoded::Picture(image, _) => {
+            let names = arrangement.names(&spec.channels.iter().map(|c| c.quantity.name).collect::<Vec<_>>());
+            let order: Vec<usize> = names.iter().map(|name| image.channel_index(name).unwrap()).collect();
+            let all = image.channels.len();
+            let values: Vec<f32> =
+                image.texels.chunks_exact(all).flat_map(|t| order.iter().map(|&i| t[i]).collect::<Vec<_>>()).collect();
+            let table = arrangement.gather(&values);
+            // Slices become a volume, what has more than four channels several textures, as the code's head says.
+            let (size, kind, stored) = if arrangement.is_layered() {
+                ([spec.width(), spec.height(), spec.depth()], "3d", &table)
+            } else {
+                (arrangement.size, "2d", &values)
+            };
+            let textures = (0..n.div_ceil(4))
+                .map(|t| {
+                    let rgba: Vec<f32> = stored
+                        .chunks_exact(n)
+                        .flat_map(|texel| (0..4).map(|c| *texel.get(4 * t + c).unwrap_or(&0.0)).collect::<Vec<_>>())
+                        .collect();
+                    let name = if n > 4 { format!("table{t}") } else { "table".to_owned() };
+                    flat("rgba32f", size, le_bytes(&rgba), &name, kind)
+                })
+                .collect();
+            (table, textures)
+        }
+        Decoded::Array(_) => panic!("{name} is a texture or a picture"),
+    };
+    let shader = Shader::of_table(name, &baked.certificate).unwrap();
+    Baked {
+        spec,
+        certificate: baked.certificate,
+        shader,
+        texels: texels.into_iter().map(f64::from).collect(),
+        textures,
+    }
+}
+
+/// Every layout, one to three axes, half and full floats, more channels than a texture has, ranges, flips and edges.
+fn tables() -> Vec<(&'static str, TableRecipe)> {
+    let axes = |text: &str| text.split(',').map(str::to_owned).collect::<Vec<_>>();
+    let steep = axes("mu:32:sqrt:edge,roughness:16:flip");
+    let glass = axes("mu:6:cbrt,alpha:5:edge:flip,eta:7:f0-fourth-root");
+    let colour = axes("mu:6:log+0.05,roughness:5:square,f0:4:edge");
+    let compensations = ["none", "kulla-conty", "kulla-conty-squared", "turquin", "fdez-aguera"];
+    let compensations = compensations.map(|c| format!("compensation.{c}"));
+    let compensations = compensations.each_ref().map(String::as_str);
+    let both = ["dielectric.reflectance", "dielectric.transmittance"];
+    vec![
+        ("half", recipe(&["ggx.scale", "ggx.bias"], &steep, "ktx2:rg16f", None)),
+        ("full", recipe(&["ggx.scale", "ggx.bias", "ggx.f82"], &steep, "exr:f32", None)),
+        ("row", recipe(&["ggx.albedo_avg"], &axes("roughness:24:edge"), "ktx2:r16f", None)),
+        ("volume", recipe(&both, &glass, "ktx2:rg32f", None)),
+        ("atlas", recipe(&both, &glass, "ktx2:rg16f", Some("atlas:3"))),
+        ("tower", recipe(&both, &glass, "exr:f32", Some("atlas:1"))),
+        ("slices", recipe(&both, &glass, "exr:f32", None)),
+        ("wide", recipe(&compensations, &colour, "exr:f32", None)),
+        (
+            "range",
+            recipe(
+                &["eon.albedo"],
+                &axes("mu:9:0.2..0.8:acos,rho:5:0.1..0.9:sqrt-one-minus:flip,roughness:3:edge"),
+                "ktx2:r32f",
+                None,
+            ),
+        ),
+    ]
+}
+
+#[test]
+fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
+    let mut random = Random(2);
+    let mut cases = vec![];
+    let mut all = vec![];
+    for (name, recipe) in tables() {
+        let mut baked = bake(name, &recipe);
+        let n = baked.spec.axes.len();
+        let columns: Vec<Vec<f32>> = baked.spec.axes.iter().map(|a| along(a, POINTS, &mut random)).collect();
+        // Shuffled against each other, so that ends meet insides.
+        let point =
+            |i: usize| std::array::from_fn(|a| if a < n { columns[a][(i * (2 * a + 1)) % POINTS] } else { 0.0 });
+        let points: Vec<[f32; 4]> = (0..POINTS).map(point).collect();
+        let arguments = ["p.x", "p.y", "p.z"][..n].join(", ");
+        let textures: Vec<String> = baked.textures.iter().map(|t| t.name.clone()).collect();
+        let fields = fields_of(&baked.shader);
+        for (half, fields) in fields.chunks(4).enumerate() {
+            let mut values: Vec<String> = fields.iter().map(|f| format!("v.{f}")).collect();
+            values.resize(4, "0.0".to_owned());
+            let code = format!(
+                "{}vec4 find(vec4 p) {{ {name}_values v = {name}_lookup({}, {arguments}); return vec4({}); }}\n",
+                baked.shader.to_text(Language::Glsl),
+                textures.join(", "),
+                values.join(", ")
+            );
+            let textures = baked.textures.iter().map(|t| Texture {
+                levels: t.levels.clone(),
+                name: t.name.clone(),
+                format: t.format.clone(),
+                ..*t
+            });
+            cases.push(Case {
+                name: format!("{name}{half}"),
+                code,
+                value: "find(p)".to_owned(),
+                points: points.clone(),
+                textures: textures.collect(),
+            });
+        }
+        baked.textures.clear();
+        all.push((name, baked, points));
+    }
+    let Some(found) = run(&cases) else { return };
+    for (name, baked, points) in &all {
+        let (axes, n) = (&baked.spec.axes, baked.spec.channels.len());
+        let sizes: Vec<usize> = axes.iter().map(|a| a.size).collect();
+        let mut at_its_worst = vec![0.0_f64; n];
+        for (i, point) in points.iter().enumerate() {
+            let mut at = baked.spec.at;
+            let mut position = vec![];
+            let mut weight_errors = vec![];
+            for (axis, x) in axes.iter().zip(point) {
+                let (low, high) = axis.ends();
+                let x = f64::from(*x).clamp(low, high);
+                at = at.with(axis.parameter, x).unwrap();
+                position.push(axis.position(x));
+                let formula = axis.coordinate(axis.kept_within(Expression::variable("x")));
+                let rounding = evaluate(&formula, &|_| f64::from(point[position.len() - 1])).error;
+                // The product with the size, and the half that is taken off, round once more each.
+                weight_errors.push(SUBTEXEL + axis.size as f64 * (rounding + 2.0 * ULP));
+            }
+            // What `kiln eval` says, to far better than the table can; all channels of a table here are of one family.
+            let by_tolerance = Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).unwrap();
+            let family = baked.spec.channels[0].family;
+            let exact = quantity::evaluate_family(family, &at, &baked.spec.model, &by_tolerance).unwrap();
+            for channel in 0..n {
+                let texel = |t: &[usize]| {
+                    let index = t.iter().zip(&sizes).rev().fold(0, |index, (i, size)| index * size + i);
+                    baked.texels[index * n + channel]
+                };
+                let (ideal, slopes) = sample(&texel, &sizes, &position);
+                let filtering: f64 =
+                    slopes.iter().zip(&weight_errors).map(|(s, w)| s * w).sum::<f64>() + 8.0 * ULP * ideal.abs();
+                let got = f64::from(found[&format!("{name}{}", channel / 4)][i][channel % 4]);
+                let what = format!("{name}, {} at {at}: got {got}", baked.spec.channels[channel].quantity.name);
+                assert!((got - ideal).abs() <= filtering, "{what}, by hand {ideal} ± {filtering:e}");
+                let handle = &baked.spec.channels[channel];
+                assert!(handle.same_family(&baked.spec.channels[0]));
+                let exact = exact[handle.index];
+                let stated = &baked.certificate.lookup[channel];
+                let error = (got - exact.value).abs();
+                assert!(
+                    error <= stated.max + filtering + exact.error,
+                    "{what}, wanted {} ± {:e} as the certificate states, ± {filtering:e}",
+                    exact.value,
+                    stated.max
+                );
+                at_its_worst[channel] = at_its_worst[channel].max(error);
+            }
+        }
+        // The comparison bites: the largest error seen is not far below what is stated.
+        for (seen, stated) in at_its_worst.iter().zip(&baked.certificate.lookup) {
+            assert!(*seen > 0.02 * stated.max, "{name} {}: saw {seen:e} of {:e}", stated.channel, stated.max);
+        }
+    }
+}
+
+/// The fields of the structure that a lookup returns.
+fn fields_of(shader: &Shader) -> Vec<String> {
+    let text = shader.to_text(Language::Wgsl);
+    let body = text.split_once("_values {\n").unwrap().1.split_once('}').unwrap().0;
+    body.lines().filter_map(|line| line.trim().split_once(':')).map(|(name, _)| name.to_owned()).collect()
+}
+
+#[test]
+fn compensation_in_the_shader_is_the_compensation_of_the_library() {
+    // At texel centres nothing is interpolated, and f32 texels leave only rounding.
+    let axes = ["mu:8".to_owned(), "roughness:8".to_owned()];
+    let baked = bake("dfg", &recipe(&["ggx.scale", "ggx.bias"], &axes, "ktx2:rg32f", None));
+    let mut random = Random(3);
+    let points: Vec<[f32; 4]> = (0..POINTS)
+        .map(|_| {
+            let [mu, roughness] = [0, 1].map(|a| baked.spec.axes[a].value(random.below(8)) as f32);
+            [mu, roughness, random.unit() as f32, 0.0]
+        })
+        .collect();
+    let integration = Integration::new(Settings::default()).unwrap();
+    let exact = |name: &str, p: &[f32; 4]| {
+        use kiln::table::Parameter::{F0, Mu, Roughness};
+        let at = Point::default().with(Mu, p[0].into()).unwrap().with(Roughness, p[1].into()).unwrap();
+        let at = if name.starts_with("compensation") { at.with(F0, p[2].into()).unwrap() } else { at };
+        quantity::find(name).unwrap().evaluate(&at, &baked.spec.model, &integration).unwrap().value
+    };
+    // E_avg comes from another table: here, exactly.
+    let points: Vec<[f32; 4]> =
+        points.into_iter().map(|p| [p[0], p[1], p[2], exact("ggx.albedo_avg", &p) as f32]).collect();
+    let code = baked.shader.to_text(Language::Glsl)
+        + "vec4 find(vec4 p) {\n    dfg_values v = dfg_lookup(table, p.x, p.y);\n    vec3 f0 = vec3(p.z);\n    float r = \
+           dfg_reflectance(v, f0).x;\n    return vec4(r, r + dfg_kulla_conty(v, p.w, f0).x, r * dfg_turquin(v, f0).x, \
+           dfg_fdez_aguera(v, f0).x);\n}\n";
+    let Some(found) = run(&[Case {
+        name: "energy".to_owned(),
+        code,
+        value: "find(p)".to_owned(),
+        points: points.clone(),
+        textures: baked.textures,
+    }]) else {
+        return;
+    };
+    for (point, found) in points.iter().zip(&found["energy"]) {
+        for (got, name) in found.iter().zip(["none", "kulla-conty-squared", "turquin", "fdez-aguera"]) {
+            let wanted = exact(&format!("compensation.{name}"), point);
+            // Neighbouring texels differ by less than 1, and a coordinate is off by a few ulp of 1, eight texels: 2⁻²⁰; hardware that
+            // rounds weights to 1/256 rounds that away. Then a dozen operations on numbers up to 2.
+            let tolerance = 8.0 * 8.0 * ULP + 24.0 * ULP + 2e-7;
+            assert!((f64::from(*got) - wanted).abs() <= tolerance, "{name} at {point:?}: got {got}, wanted {wanted}");
+        }
+    }
+}
+
+/// A cube of levels whose texels are functions of their direction and their level.
+fn cube(sizes: &[usize], value: impl Fn(glam::DVec3, usize) -> [f32; 3]) -> Texture {
+    let levels = sizes.iter().enumerate().map(|(level, &size)| {
+        let texels = (0..6 * size * size).flat_map(|i| {
+            let [r, g, b] = value(kiln::environment::cube::texel_direction(size, i), level);
+            [r, g, b, 1.0]
+        });
+        ([size, size, 1], le_bytes(&texels.collect::<Vec<_>>()))
+    });
+    Texture { name: "specular".to_owned(), kind: "cube", format: "rgba32f".to_owned(), levels: levels.collect() }
+}
+
+#[test]
+fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
+    let mut random = Random(4);
+    let mut cases = vec![];
+    for (i, roughness) in chains().iter().enumerate() {
+        let name = format!("chain{i}");
+        let code = chain_shader(&name, roughness).to_text(Language::Glsl);
+        let knots = roughness.iter().map(|&r| r as f32);
+        let chosen: Vec<f32> = knots.chain((0..POINTS).map(|_| random.unit() as f32)).collect();
+        let points: Vec<[f32; 4]> = chosen
+            .into_iter()
+            .map(|r| {
+                let [x, y, z] = direction(&mut random);
+                [x, y, z, r]
+            })
+            .collect();
+        // A level's texels hold its number: what comes back is the level that was sampled.
+        let sizes: Vec<usize> = (0..roughness.len()).map(|m| 16 >> m).collect();
+        cases.push(Case {
+            name: format!("{name}_level"),
+            code: code.clone(),
+            value: format!("vec4({name}_level(p.w), {name}_specular(specular, p.xyz, p.w))"),
+            points: points.clone(),
+            textures: vec![cube(&sizes, |_, level| [level as f32; 3])],
+        });
+        cases.push(Case {
+            name: format!("{name}_sh"),
+            code,
+            value: format!("vec4({name}_sh(p.xyz), 1.0)"),
+            points,
+            textures: vec![],
+        });
+    }
+    let size = 64;
+    let points: Vec<[f32; 4]> = (0..4 * POINTS)
+        .map(|_| {
+            let [x, y, z] = direction(&mut random);
+            [x, y, z, 0.0]
+        })
+        .collect();
+    cases.push(Case {
+        name: "direction".to_owned(),
+        code: chain_shader("sky", &[0.0]).to_text(Language::Glsl),
+        value: "vec4(sky_specular(specular, p.xyz, p.w), 1.0)".to_owned(),
+        points,
+        textures: vec![cube(&[size], |d, _| d.normalize().as_vec3().to_array())],
+    });
+    let Some(found) = run(&cases) else { return };
+    for (i, roughness) in chains().iter().enumerate() {
+        let formula = level_of_roughness(roughness).unwrap();
+        let case = &cases[2 * i];
+        for (point, found) in case.points.iter().zip(&found[&case.name]) {
+            let wanted = formula.evaluate(&|_| point[3].into());
+            let (level, seen) = (f64::from(found[0]), f64::from(found[1]));
+            assert!(
+                (level - wanted).abs() <= 16.0 * ULP * 4.0,
+                "{roughness:?} at {}: level {level}, wanted {wanted}",
+                point[3]
+            );
+            // Hardware blends levels in steps of 1/256, too.
+            assert!(
+                (seen - wanted).abs() <= SUBTEXEL,
+                "{roughness:?} at {}: saw level {seen}, wanted {wanted}",
+                point[3]
+            );
+        }
+        let case = &cases[2 * i + 1];
+        let sh = SH.irradiance_over_pi_nonnegative;
+        let scale: f64 = sh.as_flattened().iter().map(|c| c.abs()).sum();
+        for (point, found) in case.points.iter().zip(&found[&case.name]) {
+            let [x, y, z, _] = point.map(f64::from);
+            let wanted = kiln::environment::spherical_harmonics::evaluate(&sh, glam::DVec3::new(x, y, z));
+            for c in 0..3 {
+                let error = (f64::from(found[c]) - wanted[c]).abs();
+                assert!(error <= 12.0 * ULP * scale, "SH towards {point:?}: got {found:?}, wanted {wanted:?}");
+            }
+        }
+    }
+    for (point, found) in cases[cases.len() - 1].points.iter().zip(&found["direction"]) {
+        // A texel is 2/64 wide, and a unit vector bends by at most 1 per unit of the face: linear interpolation is off by up to
+        // (2/64)²/8 per axis; weights by 1/256 of a texel.
+        let step = 2.0 / size as f64;
+        let mut tolerance = 2.0 * step * step / 8.0 + 2.0 * SUBTEXEL * step + 1e-6;
+        let [x, y, z, _] = point.map(f64::from);
+        let (_, u, v) = kiln::environment::cube::locate(glam::DVec3::new(x, y, z));
+        if u.abs().max(v.abs()) > 1.0 - step / 2.0 {
+            // The texel across an edge counts as if it lay in the plane of this face: half a texel off sideways in a corner, with a
+            // weight of up to a half.
+            tolerance += step / 4.0;
+        }
+        for c in 0..3 {
+            let error = f64::from(found[c] - point[c]).abs();
+            assert!(error <= tolerance, "towards {point:?} the cube holds {found:?}");
+        }
+    }
+}
+
+/// A random unit vector.
+fn direction(random: &mut Random) -> [f32; 3] {
+    loop {
+        let [x, y, z] = [0; 3].map(|_| 2.0 * random.unit() - 1.0);
+        let d = glam::DVec3::new(x, y, z);
+        if (0.01..=1.0).contains(&d.length_squared()) {
+            return d.normalize().as_vec3().to_array();
+        }
+    }
+}
+
+#[test]
+fn the_command_writes_code_beside_what_it_bakes() {
+    use support::kiln::{fail, listing, succeed};
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let table =
+        ["-q", "table", "ggx-albedo-avg", "--size", "4", "-o", "avg.ktx2", "--shader", "wgsl,glsl", "--shader", "glsl"];
+    succeed(folder.path(), &table);
+    assert_eq!(listing(folder.path()), ["avg.ktx2", "avg.ktx2.certificate.json", "avg.lookup.glsl", "avg.lookup.wgsl"]);
+    for language in ["glsl", "wgsl"] {
+        let printed = succeed(folder.path(), &["shader", "avg.ktx2", "--language", language]).stdout;
+        assert_eq!(printed, read(&format!("avg.lookup.{language}")));
+    }
+    // The certificate alone is enough.
+    let printed = succeed(folder.path(), &["shader", "avg.ktx2.certificate.json", "--name", "my table"]).stdout;
+    assert!(printed.contains("my_table_values my_table_lookup(highp sampler2D table, float roughness)"), "{printed}");
+
+    let sky =
+        ["-q", "env", "builtin:gradient", "--size", "8", "--min-size", "4", "--irradiance-size", "4", "--out", "sky"];
+    succeed(folder.path(), &[&sky[..], &["--shader", "glsl"]].concat());
+    for place in ["sky", "sky/specular.ktx2", "sky/certificate.json"] {
+        assert_eq!(succeed(folder.path(), &["shader", place]).stdout, read("sky/lookup.glsl"), "{place}");
+    }
+    assert!(read("sky/lookup.glsl").contains("vec3 environment_sh(vec3 normal)"));
+
+    // One file for a whole bake, names made different.
+    let entry = |file: &str| {
+        format!(
+            "[[table]]\nfile = \"{file}\"\nformat = \"exr:f32\"\nchannels = [\"ggx.albedo_avg\"]\naxes = [\"roughness:4\"]\n"
+        )
+    };
+    let recipe = format!("recipe = 1\nshader = [\"hlsl\"]\n{}{}", entry("a.exr"), entry("b/a.exr"));
+    std::fs::write(folder.path().join("mine.toml"), recipe).unwrap();
+    succeed(folder.path(), &["-q", "bake", "mine.toml", "--out", "all"]);
+    let code = read("all/lookup.hlsl");
+    assert!(code.contains("a_values a_lookup(") && code.contains("a_exr_values a_exr_lookup("), "{code}");
+    let printed = succeed(folder.path(), &["bake", "mine.toml", "--print-recipe", "--shader", "wgsl"]).stdout;
+    assert!(printed.contains("shader = [\"wgsl\"]"), "{printed}");
+
+    let error = fail(folder.path(), &["table", "dfg", "-o", "dfg.ktx2", "--shader", "metal"], 2);
+    assert!(error.contains("glsl, hlsl or wgsl"), "{error}");
+    std::fs::write(folder.path().join("none.txt"), "hello").unwrap();
+    fail(folder.path(), &["shader", "none.txt"], 1);
+    fail(folder.path(), &["shader", "missing.ktx2"], 1);
+}
