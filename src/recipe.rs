@@ -440,6 +440,12 @@ impl EnvironmentRecipe {
         }
         if let Some(view) = self.view {
             check_view(view, self.kernel, self.integration.integrator)?;
+            if self.fit == Fit::Lookup {
+                return Err(Error::usage(
+                    "fit \"lookup\" of a surface seen at an angle, whose lobe is known by samples only",
+                    "use --fit none, or leave out the view angle and the anisotropy",
+                ));
+            }
         }
         self.check_names()?;
         for (name, size) in

@@ -129,7 +129,7 @@ fn changed(chain: &[Cube], change: impl Fn(usize, usize, &[[f32; 3]]) -> Vec<[f3
 #[test]
 fn a_chain_of_256_samples_is_named() {
     let source = panorama();
-    let chain = foreign::chain(&source, 32, &ROUGHNESS);
+    let chain = foreign::chain(&source, 16, &ROUGHNESS);
     let verdict = judge(&chain, &asked(&source, None)).unwrap();
     let orientation = verdict.orientation.as_ref().unwrap();
     assert!(!orientation.mirrored && orientation.as_good == 0 && orientation.faces.is_empty(), "{orientation:?}");
@@ -178,12 +178,12 @@ fn a_mirrored_chain_and_one_that_is_turned_are_told() {
 fn a_level_of_the_wrong_roughness_is_told() {
     let source = panorama();
     let verdict =
-        judge(&foreign::chain(&source, 32, &[0.0, 0.36, 1.0]), &asked(&source, Some(KernelKind::Nol))).unwrap();
+        judge(&foreign::chain(&source, 16, &[0.0, 0.36, 1.0]), &asked(&source, Some(KernelKind::Nol))).unwrap();
     let found = verdict.levels[1].roughness.unwrap();
     assert!((found - 0.36).abs() < 0.04, "{:?}", verdict.levels[1]);
     // Counted against what it is said to have, it is far off: by more than the noise that it has against what it is.
     let claim = Question { roughness: Some(ROUGHNESS.to_vec()), ..asked(&source, Some(KernelKind::Nol)) };
-    let claimed = judge(&foreign::chain(&source, 32, &[0.0, 0.36, 1.0]), &claim).unwrap();
+    let claimed = judge(&foreign::chain(&source, 16, &[0.0, 0.36, 1.0]), &claim).unwrap();
     let [against, with] = [&claimed, &verdict].map(|v| v.levels[1].error.as_ref().unwrap().rms);
     assert!(against > 2.0 * with, "{against} against the claim, {with} against what it is");
 }
@@ -191,7 +191,7 @@ fn a_level_of_the_wrong_roughness_is_told() {
 #[test]
 fn a_factor_of_pi_and_any_other_are_told() {
     let source = panorama();
-    let chain = own_chain(&source, 32);
+    let chain = own_chain(&source, 16);
     for (factor, words) in
         [(PI, "multiplied by π"), (1.0 / PI, "divided by π"), (0.5, "-1.00 EV"), (1.0, "scale: normalised")]
     {
@@ -208,7 +208,7 @@ fn a_factor_of_pi_and_any_other_are_told() {
 #[test]
 fn one_face_that_is_rotated_is_told() {
     let source = panorama();
-    let rotated = changed(&own_chain(&source, 32), |size, face, texels| match face {
+    let rotated = changed(&own_chain(&source, 16), |size, face, texels| match face {
         2 => texels.iter().rev().copied().collect(),
         4 => (0..size * size).map(|i| texels[(i % size) * size + size - 1 - i / size]).collect(),
         _ => texels.to_vec(),
@@ -225,8 +225,8 @@ fn one_face_that_is_rotated_is_told() {
 #[test]
 fn a_firefly_is_counted_and_found() {
     let source = panorama();
-    let mut chain = own_chain(&source, 32);
-    let texel = 3 * 256 + 5 * 16 + 7;
+    let mut chain = own_chain(&source, 16);
+    let texel = 3 * 64 + 5 * 8 + 7;
     chain[1].texels[texel] = chain[1].texels[texel].map(|v| 20.0 * v);
     let verdict = judge(&chain, &asked(&source, Some(KernelKind::Nol))).unwrap();
     let error = verdict.levels[1].error.as_ref().unwrap();
@@ -240,7 +240,7 @@ fn a_firefly_is_counted_and_found() {
 #[test]
 fn seams_of_a_blur_per_face_are_found_and_none_where_there_are_none() {
     let source = panorama();
-    let chain = own_chain(&source, 32);
+    let chain = own_chain(&source, 16);
     let blurred = changed(&chain, |size, _, texels| {
         let at = |row: isize, column: isize| {
             let last = size as isize - 1;
@@ -268,7 +268,7 @@ fn kilns_own_chains_are_named_by_kernel_and_roughness() {
         let roughness = [0.5, 0.8, 1.0];
         let kernels = roughness.map(|r| Kernel::of(kind, r * r));
         let zonal = Zonal::new(&source, &kernels, InstructionSet::detect());
-        let cube = |(m, kernel): (usize, &Kernel)| zonal.function(kernel).cube(32_usize >> m, &|_| {});
+        let cube = |(m, kernel): (usize, &Kernel)| zonal.function(kernel).cube(16_usize >> m, &|_| {});
         let chain: Vec<Cube> = kernels.iter().enumerate().map(cube).collect();
         let verdict = judge(&chain, &asked(&source, None)).unwrap();
         assert_eq!(verdict.kernel, Some(kind), "{verdict:?}");
@@ -293,14 +293,14 @@ fn what_fits_nothing_is_unknown() {
     let verdict = judge(&random, &asked(&source, None)).unwrap();
     assert!(says(&verdict, "orientation: unknown") && says(&verdict, "kernel: unknown"), "{:?}", verdict.findings);
     assert!(verdict.levels.iter().all(|level| level.roughness.is_none() && level.error.is_none()));
-    let white = builtin("white", 32).unwrap();
-    let verdict = judge(&own_chain(&white, 16), &asked(&white, None)).unwrap();
+    let white = builtin("white", 16).unwrap();
+    let verdict = judge(&own_chain(&white, 8), &asked(&white, None)).unwrap();
     assert!(says(&verdict, "orientation: any") && says(&verdict, "kernel: unknown"), "{:?}", verdict.findings);
 }
 
 #[test]
 fn without_a_source_a_chain_is_compared_with_its_own_level_0() {
-    let mut chain = own_chain(&panorama(), 64);
+    let mut chain = own_chain(&panorama(), 32);
     chain[2].texels[5][1] = f32::NAN;
     let verdict = judge(&chain, &Question { kernel: Some(KernelKind::Nol), ..Question::default() }).unwrap();
     assert!(verdict.against_itself && verdict.orientation.is_none());
@@ -318,7 +318,7 @@ fn the_command_judges_foreign_files_and_exits_with_3() {
     let folder = folder.path();
     succeed(
         folder,
-        &["env", "builtin:sky", "--size", "32", "--min-size", "8", "--irradiance-size", "8", "--out", "own"],
+        &["env", "builtin:sky", "--size", "16", "--min-size", "4", "--irradiance-size", "8", "--out", "own"],
     );
     let Decoded::Texture(mut texture) = read(&folder.join("own/specular.ktx2")).unwrap() else { panic!("a texture") };
     texture.metadata.clear();
@@ -341,7 +341,7 @@ fn the_command_judges_foreign_files_and_exits_with_3() {
 #[test]
 fn fitted_texels_bring_the_lookup_closer() {
     let source = panorama();
-    let spec = ChainSpec { fit: Fit::Lookup, ..ChainSpec::new(32, 8) };
+    let spec = ChainSpec { fit: Fit::Lookup, ..ChainSpec::new(16, 4) };
     let chain = specular_chain(&source, &spec, &|_| {}).unwrap();
     assert!(chain.reports[0].fit.is_none() && chain.reports[0].probe.is_none(), "a mirror is not fitted");
     for report in &chain.reports[1..] {
@@ -369,7 +369,7 @@ fn fitted_chains_verify_and_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let arguments =
-        ["env", "builtin:sky", "--size", "32", "--min-size", "8", "--irradiance-size", "8", "--fit", "lookup"];
+        ["env", "builtin:sky", "--size", "16", "--min-size", "4", "--irradiance-size", "8", "--fit", "lookup"];
     for threads in ["1", "2"] {
         succeed(folder, &[&arguments[..], &["--threads", threads, "--out", threads]].concat());
     }

@@ -115,9 +115,12 @@ pub(crate) fn across_edges(size: usize) -> Vec<[usize; 4]> {
 
 /// The texel beside `texel`, away from `from` on the other face.
 fn inward_of(size: usize, texel: usize, from: usize) -> usize {
-    let away = 2.0 * texel_direction(size, texel) - texel_direction(size, from);
+    let area = size * size;
+    let (face, u, v) = locate(texel_direction(size, texel));
+    // The middle of the other face is the way to the edge between the two.
+    let away = face_point(face, u, v) - 2.0 / size as f64 * face_point(from / area, 0.0, 0.0);
     let found = nearest_texel(size, away);
-    if found / (size * size) == texel / (size * size) { found } else { texel }
+    if found / area == face { found } else { texel }
 }
 
 /// The error of a cube as a shader sees it, against the function that it holds; relative to the value, or to [`DARK_FLOOR`] of the
@@ -147,11 +150,11 @@ pub struct Probe {
     mean: [f64; 3],
 }
 
-/// Strata along an edge of a face: 9600 points, five for each cell of a level of 16².
-const STRATA: usize = 40;
+/// Strata along an edge of a face: 3456 points, two for each cell of a level of 16²; a probe is to cost less than the filter.
+const STRATA: usize = 24;
 
 impl Probe {
-    /// One point in each of 9600 parts of the sphere, and a close look where the cube bends most, which is where blending does worst.
+    /// One point in each of 3456 parts of the sphere, and a close look where the cube bends most, which is where blending does worst.
     ///
     /// `mean` is the panorama's, `cube` a level that holds the function, `seed` moves the points within their parts.
     pub fn new(function: &Function, cube: &Cube, mean: [f64; 3], seed: u64) -> Self {
