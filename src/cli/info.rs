@@ -275,7 +275,8 @@ fn text(facts: &Facts) -> String {
 /// What a shader sees of a level.
 fn seen(level: &Level) -> String {
     let Some(lookup) = &level.lookup else {
-        let why = if level.roughness == 0.0 { "a picture of boxes" } else { "seen at an angle, or too narrow a kernel" };
+        let why =
+            if level.roughness == 0.0 { "a picture of boxes" } else { "seen at an angle, or too narrow a kernel" };
         return format!("    through bilinear filtering: not measured ({why})\n");
     };
     let [x, y, z] = lookup.worst_towards;

@@ -320,7 +320,7 @@ impl<'a> Filter<'a> {
         kernel: Option<Kernel>,
         finished: &(dyn Fn(u64) + Sync),
     ) -> (Cube, LevelReport) {
-        let (cube, report) = self.exact_level(size, roughness, kernel.clone(), finished);
+        let (cube, report) = self.exact_level(size, roughness, kernel, finished);
         let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
         // A lobe that is seen at an angle is no zonal function.
         let wanted = |kernel: &Kernel| {

@@ -632,15 +632,14 @@ fn guess_shape(values: &[f64], n: usize, planar: bool) -> Result<Shape> {
     }
     let mut rated: Vec<(f64, Shape)> = shapes.into_iter().map(|s| (roughness(values, s, planar), s)).collect();
     rated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // A smooth axis looks as smooth when it is cut into channels, or into shorter axes: take it whole.
+    let best = rated.first().map_or(0.0, |r| r.0);
+    let fewest = alike(&rated, best).map(|s| s.channels).min();
+    let whole: Vec<Shape> = alike(&rated, best).filter(|s| Some(s.channels) == fewest).copied().collect();
     match rated[..] {
         [(_, only)] => Ok(only),
         [(best, shape), (next, _), ..] if next > CLEARLY_SMOOTHER * best => Ok(shape),
-        // A smooth row looks as smooth when it is taken for several channels: take it for one.
-        [(best, _), ..]
-            if alike(&rated, best).all(|s| s.size[1] == 1) && alike(&rated, best).any(|s| s.channels == 1) =>
-        {
-            Ok(Shape { size: [n, 1, 1], channels: 1 })
-        }
+        _ if whole.len() == 1 => Ok(whole[0]),
         _ => Err(Error::usage(
             format!("{n} numbers without a shape"),
             format!(

@@ -242,10 +242,18 @@ fn array(frame: Frame, tokens: &[Token]) -> Array {
 
 /// The name that stands before the opening bracket, the dimensions after it, and the words of the declaration.
 fn declaration(before: &[Token]) -> (String, Vec<usize>, Vec<String>) {
-    // The statement that the bracket ends: back to what separates statements.
+    // The statement that the bracket ends: back to what separates statements, but for the semicolons of `[[f32; 2]; 2]`.
+    let mut closed = 0_usize;
     let start = before
         .iter()
-        .rposition(|t| matches!(t, Token::Mark(';' | '}')))
+        .rposition(|t| {
+            match t {
+                Token::Mark(']') => closed += 1,
+                Token::Mark('[') => closed = closed.saturating_sub(1),
+                _ => {}
+            }
+            closed == 0 && matches!(t, Token::Mark(';' | '}'))
+        })
         .map_or(0, |i| i + 1)
         .max(before.len().saturating_sub(64));
     let statement = &before[start..];

@@ -244,7 +244,7 @@ fn facts(level: &Cube, clean: &Cube, source: &Panorama) -> LevelVerdict {
 /// The cube's orientation, from its level 0 and the panorama, sharp and blurred.
 fn orientation_of(level: &Cube, source: &Panorama) -> Orientation {
     const COARSE: usize = 16;
-    let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size % n == 0).unwrap_or(1);
+    let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size.is_multiple_of(*n)).unwrap_or(1);
     let file = shrink(level, size);
     let mut truths = vec![area_average(source, size)];
     let kernels = [0.15, 0.5, 1.0].map(Kernel::new);
