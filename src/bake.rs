@@ -12,6 +12,7 @@ pub use environment::{
 };
 pub(crate) use environment::{IRRADIANCE, precision};
 pub use shader::{combined_shader, shader_of};
+pub(crate) use table::values as table_values;
 pub use table::{table, table_by_one_witness};
 
 use crate::certificate::{self, Certificate};

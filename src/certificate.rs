@@ -10,22 +10,25 @@
 //! | `table` or `environment` | the complete recipe entry, from which the file can be baked again |
 //! | `digest` | BLAKE3 of the packed texels |
 //! | `channels` | per quantity: definition, source, integrator, largest error and what it means, range of the values |
-//! | `levels` | of an environment: per level its size, roughness, samples, largest and RMS error, mean |
+//! | `levels` | of an environment: per level its size, roughness, samples, largest and RMS error, mean, error through bilinear filtering, what fitting did |
 //! | `input` | of an environment: what was read and as what, its digest, its primaries, what was repaired and the flux before and after, its mean radiance |
 //! | `checks` | what the file was checked against: the figure, the limit, whether it passed |
 //! | `packing` | rounding error, overflowed, negative and non-finite values |
 //! | `rounding` | of a table: how many values are certified to be the nearest half, or an f32 within an ulp, and how many are undecided |
 //! | `lookup` | of a table: the error through bilinear filtering |
+//! | `fit` | of a table with `fit = "lookup"`: what choosing its texels for the lookup did |
 
 use crate::check::Check;
 use crate::colour::Primaries;
 use crate::environment::Adjusted;
 use crate::environment::Layout;
 use crate::environment::spherical_harmonics::IrradianceFit;
+use crate::environment::{CubeFit, CubeLookup};
 use crate::error::{Error, Result};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
 use crate::recipe::{EnvironmentRecipe, TableRecipe};
+use crate::table::fit::TableFit;
 use crate::table::lookup::LookupError;
 use crate::table::rounding::Rounding;
 use serde::{Deserialize, Serialize};
@@ -80,6 +83,9 @@ pub struct Certificate {
     /// What a shader sees of a table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lookup: Vec<LookupError>,
+    /// What fitting a table to the lookup did, channel by channel, if it was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fit: Vec<TableFit>,
 }
 
 /// A file and what it holds.
@@ -146,6 +152,20 @@ pub struct Level {
     pub mean: [f64; 3],
     /// The same, in parts of the input's mean, minus 1: the largest of the channels.
     pub mean_drift: f64,
+    /// The error that a shader sees through seamless bilinear filtering, of the packed texels. There is none for a mirror, whose truth
+    /// is a picture of boxes that no blend follows, nor for a kernel so narrow that only a sum over all texels knows the truth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lookup: Option<CubeLookup>,
+    /// What fitting to that filtering did, if it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fit: Option<CubeFit>,
+}
+
+impl Level {
+    /// Whether the texels are chosen for the lookup instead of being values at their centres.
+    pub fn is_fitted(&self) -> bool {
+        self.fit.as_ref().is_some_and(|fit| fit.kept)
+    }
 }
 
 fn is_zero(value: &usize) -> bool {
@@ -226,6 +246,7 @@ impl Certificate {
             packing: PackReport::default(),
             rounding: None,
             lookup: vec![],
+            fit: vec![],
         }
     }
 

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::format::{Container, FormatSpec, Packing};
 use crate::integrate::Settings;
 use crate::language::Language;
+use crate::math::fit::Fit;
 use crate::pack::TexelFormat;
 use crate::table::{Arrangement, Axis, Layout, Model, Parameter, Point, TableSpec, named, quantity};
 use serde::{Deserialize, Serialize};
@@ -56,6 +57,9 @@ pub struct TableRecipe {
     /// Values of the parameters that no axis varies, such as `eta=1.5`.
     #[serde(default, skip_serializing_if = "Point::is_empty")]
     pub at: Point,
+    /// What texels are chosen for: their centres, or the lookup between them.
+    #[serde(default, skip_serializing_if = "Fit::is_none")]
+    pub fit: Fit,
     /// How slices are arranged, for three axes; `None` is the container's own way.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<Layout>,
@@ -130,6 +134,9 @@ pub struct EnvironmentRecipe {
     /// What becomes of values below zero.
     #[serde(default)]
     pub negatives: Negatives,
+    /// What texels are chosen for: their centres, or the lookup between them.
+    #[serde(default, skip_serializing_if = "Fit::is_none")]
+    pub fit: Fit,
     /// What is done to the panorama before it is filtered.
     #[serde(default)]
     pub adjust: Adjustment,
@@ -314,6 +321,7 @@ impl TableRecipe {
             channels: table.channels.iter().map(|&c| c.to_owned()).collect(),
             axes: table.default_axes()?,
             at: table.default_point()?,
+            fit: Fit::None,
             layout: None,
             model: Model::default(),
             integration: Settings::default(),
@@ -348,6 +356,7 @@ impl EnvironmentRecipe {
             irradiance_file: None,
             nonfinite: NonFinite::default(),
             negatives: Negatives::default(),
+            fit: Fit::default(),
             adjust: Adjustment::default(),
             integration: Settings::default(),
         }
@@ -431,6 +440,12 @@ impl EnvironmentRecipe {
         }
         if let Some(view) = self.view {
             check_view(view, self.kernel, self.integration.integrator)?;
+            if self.fit == Fit::Lookup {
+                return Err(Error::usage(
+                    "fit \"lookup\" of a surface seen at an angle, whose lobe is known by samples only",
+                    "use --fit none, or leave out the view angle and the anisotropy",
+                ));
+            }
         }
         self.check_names()?;
         for (name, size) in

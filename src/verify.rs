@@ -6,6 +6,7 @@
 //!
 //! [`that_file`] is the way in for an engine's own tests; [`junit`] is for its continuous integration.
 
+pub mod chain;
 mod environment;
 pub mod foreign;
 pub mod junit;

@@ -341,7 +341,7 @@ fn files_of_other_kinds_are_refused_by_name() {
         (b"\xff\xd8\xff\xe0", "JPEG"),
         (b"DDS \x7c", "DDS"),
         (&ktx2, "KTX2"),
-        (b"\xabKTX 11\xbb\r\n", "KTX texture of version 1"),
+        (b"\xabKTX 11\xbb\r\n\x1a\n", "KTX texture of version 1"),
         (b"hello, world\n", "text file"),
         (b"version https://git-lfs.github.com/spec/v1\n", "Git LFS"),
         (b"RIFF\0\0\0\0WEBP", "WebP"),

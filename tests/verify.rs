@@ -22,6 +22,7 @@ fn recipe(channels: &[&str], sampling: Sampling) -> TableRecipe {
         channels: channels.iter().map(|&c| c.to_owned()).collect(),
         axes: vec![axis(Parameter::Mu), axis(Parameter::Roughness)],
         at: Default::default(),
+        fit: kiln::math::fit::Fit::None,
         layout: None,
         model: Default::default(),
         integration: Default::default(),

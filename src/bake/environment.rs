@@ -6,7 +6,9 @@ use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
 use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
 use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
-use crate::environment::{Adjusted, Cube, FullSum, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load};
+use crate::environment::{
+    Adjusted, Cube, CubeLookup, FullSum, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load,
+};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, FormatSpec, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
@@ -140,6 +142,8 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
             Integrator::Auto => Integrator::Zonal,
             chosen => chosen,
         },
+        fit: recipe.fit,
+        probe: true,
     }
 }
 
@@ -223,11 +227,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         environment: Some(recipe.clone()),
         input: Some(input(source)),
         files: digests.map(|(file, digest)| FileDigest { file: file.clone(), digest }).collect(),
-        levels: cubes
-            .iter()
-            .flat_map(|cube| cube.levels.iter().zip(&cube.reports))
-            .map(|(values, report)| level(&values.name, report))
-            .collect(),
+        levels: cubes.iter().flat_map(Packed::certified).collect(),
         sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative, bands: fit_of_bands }),
         checks,
         packing: cubes.iter().fold(PackReport::default(), |report, cube| report.merge(cube.packing)),
@@ -262,6 +262,8 @@ struct Packed {
     /// What a reader will see, turned as the file is.
     levels: Vec<CubeLevel>,
     reports: Vec<LevelReport>,
+    /// What a shader will see between texels.
+    lookups: Vec<Option<CubeLookup>>,
     bytes: Vec<Vec<u8>>,
     packing: PackReport,
 }
@@ -269,7 +271,8 @@ struct Packed {
 impl Packed {
     fn new(content: &'static str, name: String, format: FormatSpec, size: usize) -> Self {
         let packing = PackReport::default();
-        Self { content, name, format, size, levels: vec![], reports: vec![], bytes: vec![], packing }
+        let (levels, reports, lookups, bytes) = (vec![], vec![], vec![], vec![]);
+        Self { content, name, format, size, levels, reports, lookups, bytes, packing }
     }
 
     /// Turns and packs the next level.
@@ -279,6 +282,8 @@ impl Packed {
         let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
         let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
         let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+        let stored = Cube { size: cube.size, texels };
+        let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
         self.packing = self.packing.merge(packed);
         self.bytes.push(bytes);
         self.reports.push(found.clone());
@@ -288,11 +293,19 @@ impl Packed {
             name,
             size: cube.size,
             roughness: found.roughness,
-            texels,
+            texels: stored.texels,
+            fitted: lookup.clone().filter(|_| is_fitted(found)),
             max_error: found.max_error,
             rms_error: found.rms_error,
         });
+        self.lookups.push(lookup);
         Ok(())
+    }
+
+    /// What the certificate says of the levels.
+    fn certified(&self) -> impl Iterator<Item = Level> {
+        let each = self.levels.iter().zip(&self.reports).zip(&self.lookups);
+        each.map(|((values, report), lookup)| Level { lookup: lookup.clone(), ..level(&values.name, report) })
     }
 
     fn values(&self, recipe: &EnvironmentRecipe) -> Result<EnvironmentValues<'_>> {
@@ -343,6 +356,10 @@ fn filter(
     }
 }
 
+fn is_fitted(level: &LevelReport) -> bool {
+    level.fit.as_ref().is_some_and(|fit| fit.kept)
+}
+
 /// What packing may have changed of the levels.
 pub(crate) fn precision(format: TexelFormat, levels: &[CubeLevel], block_error: f64) -> Precision {
     let values = levels.iter().flat_map(|level| level.texels.as_flattened()).map(|&v| f64::from(v));
@@ -383,6 +400,8 @@ fn level(name: &str, report: &LevelReport) -> Level {
         truncation_bound: report.truncation_bound,
         mean: report.mean,
         mean_drift: report.mean_deviation,
+        lookup: None,
+        fit: report.fit.clone(),
     }
 }
 

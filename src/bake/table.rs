@@ -6,12 +6,14 @@ use crate::check::{Precision, TableValues};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, Image, Texture, exr, source};
 use crate::integrate::{Integration, Integrator};
+use crate::math::fit::Fit;
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::TableRecipe;
+use crate::table::fit::{TableFit, fit};
 use crate::table::lookup::lookup_errors;
 use crate::table::quantity::Handle;
 use crate::table::rounding::{Rounding, decide};
-use crate::table::{Arrangement, Progress, Table};
+use crate::table::{Arrangement, Progress, Table, TableSpec};
 use std::path::Path;
 
 /// Integrates, checks and packs one table.
@@ -37,8 +39,11 @@ fn judged_table(recipe: &TableRecipe, both: bool, progress: Progress) -> Result<
     recipe.check_format()?;
     let spec = recipe.spec()?;
     let integration = Integration::new(recipe.integration)?;
-    let mut table = spec.bake(&integration, progress)?;
-    let rounding = decide(&mut table, recipe.texel_format()?, &integration)?;
+    let (mut table, fit) = values(&spec, recipe, &integration, progress)?;
+    let is_fitted = fit.iter().any(|channel| channel.kept);
+    // A fitted texel is no value of the quantity: there is nothing that it could be the nearest number to.
+    let rounding =
+        if is_fitted { Rounding::default() } else { decide(&mut table, recipe.texel_format()?, &integration)? };
     let (file, packing) = pack(&table, recipe)?;
     let texels = unpack(&file, recipe)?;
     let errors = table.worst_errors();
@@ -50,18 +55,25 @@ fn judged_table(recipe: &TableRecipe, both: bool, progress: Progress) -> Result<
         kinds: &table.kinds,
         precision: Precision::new(file.format, values.iter().copied(), packing.max_block_error),
     };
-    let mut checks = judged.facts();
-    // Whichever witness did not compute a channel looks at it.
-    let random = |h: &Handle| h.is_monte_carlo(&integration);
-    if both {
-        checks.extend(judged.every_texel(random)?);
-        let looked_at = |h: &Handle| !random(h) || !h.family.has_quadrature();
-        checks.extend(judged.random_witness(recipe.integration.seed, false, looked_at)?);
+    let lookup = lookup_errors(&spec, &texels)?;
+    let mut checks;
+    if is_fitted {
+        checks = judged.ranges();
+    } else {
+        checks = judged.facts();
+        // Whichever witness did not compute a channel looks at it.
+        let random = |h: &Handle| h.is_monte_carlo(&integration);
+        if both {
+            checks.extend(judged.every_texel(random)?);
+            let looked_at = |h: &Handle| !random(h) || !h.family.has_quadrature();
+            checks.extend(judged.random_witness(recipe.integration.seed, false, looked_at)?);
+        }
     }
     let certificate = Certificate {
         files: vec![FileDigest { file: file_name(&recipe.file)?, digest: texel_digest([texels.as_slice()]) }],
         channels: channels(&table, &integration),
-        lookup: lookup_errors(&spec, &texels)?,
+        lookup,
+        fit,
         table: Some(recipe.clone()),
         checks,
         packing,
@@ -70,6 +82,18 @@ fn judged_table(recipe: &TableRecipe, both: bool, progress: Progress) -> Result<
     };
     refuse_failures(&certificate)?;
     Ok((table, file, certificate))
+}
+
+/// The texels before packing: the quantities at their centres, or chosen for the lookup, and what that came to.
+pub(crate) fn values(
+    spec: &TableSpec,
+    recipe: &TableRecipe,
+    integration: &Integration,
+    progress: Progress,
+) -> Result<(Table, Vec<TableFit>)> {
+    let mut table = spec.bake(integration, progress)?;
+    let fitted = if recipe.fit == Fit::Lookup { fit(&mut table)? } else { vec![] };
+    Ok((table, fitted))
 }
 
 fn file_name(path: &str) -> Result<String> {

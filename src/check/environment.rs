@@ -3,7 +3,9 @@
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
-use crate::environment::{Cube, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, View, ViewLobe, area_average};
+use crate::environment::{
+    Cube, CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, View, ViewLobe, area_average,
+};
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
 use glam::DVec3;
@@ -25,6 +27,8 @@ pub struct CubeLevel {
     pub view: Option<View>,
     /// Six faces, rows, texels.
     pub texels: Vec<[f32; 3]>,
+    /// The claimed lookup error of a level whose texels are chosen for the lookup: it is judged by that, not texel by texel.
+    pub fitted: Option<CubeLookup>,
     /// Largest standard error (or bound, for a deterministic level) in parts of max(value, 1e-3 × the channel's mean).
     pub max_error: f64,
     /// Root mean square of the same.
@@ -136,9 +140,13 @@ impl EnvironmentValues<'_> {
             }
             sum.prepare();
             let kernel = Kernel::of(level.kernel, alpha);
+            let seed = seed.wrapping_add(index as u64);
+            if let Some(claimed) = &level.fitted {
+                checks.push(self.lookup_check(level, panorama, sum, &kernel, claimed, seed));
+                continue;
+            }
             let turn = |d: DVec3| self.orientation.lookup(d);
-            let texels =
-                if full { all(level) } else { chosen(level, sum.sun(), turn, seed.wrapping_add(index as u64)) };
+            let texels = if full { all(level) } else { chosen(level, sum.sun(), turn, seed) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
@@ -226,7 +234,57 @@ impl EnvironmentValues<'_> {
             })
             .collect()
     }
+
+    /// A fitted level against the full sum, through the filtering that it is made for: towards texels' centres, where fitted texels
+    /// are off most, and anywhere between.
+    fn lookup_check(
+        &self,
+        level: &CubeLevel,
+        panorama: &Panorama,
+        sum: &FullSum,
+        kernel: &Kernel,
+        claimed: &CubeLookup,
+        seed: u64,
+    ) -> Check {
+        let cube = Cube { size: level.size, texels: level.texels.clone() };
+        let mean = panorama.mean();
+        let n = level.texels.len() as f64;
+        let centres = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
+        let anywhere = weyl(seed, LOOKUPS).map(|a| {
+            // A spiral of even density over the sphere, from a start that the seed names.
+            let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);
+            let (sin, cos) = (turn.fract() * std::f64::consts::TAU).sin_cos();
+            let across = (1.0 - y * y).max(0.0).sqrt();
+            DVec3::new(across * cos, y, across * sin)
+        });
+        // As the shader looks up.
+        let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| texel_direction(level.size, t))).collect();
+        let errors: Vec<f64> = directions
+            .par_iter()
+            .map(|&direction| {
+                let wanted = sum.evaluate(self.orientation.world(direction), kernel);
+                let seen = cube.filtered(direction);
+                (0..3)
+                    .map(|c| {
+                        let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
+                        let off = if seen[c] == wanted[c] { 0.0 } else { (seen[c] - wanted[c]).abs() / scale };
+                        if off.is_nan() { f64::INFINITY } else { off }
+                    })
+                    .fold(0.0, f64::max)
+            })
+            .collect();
+        let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+        let [x, y, z] = directions[worst].to_array();
+        let detail = format!("worst of {} towards ({x:.3}, {y:.3}, {z:.3})", errors.len());
+        let name = "full sum through bilinear filtering, relative";
+        Check::at_most(name, &level.name, errors[worst], BETWEEN * claimed.max, detail)
+    }
 }
+
+/// What a point between those that were looked at may be off by, in parts of the largest that was seen.
+const BETWEEN: f64 = 2.0;
+/// Directions that the full sum is asked for of a fitted level.
+const LOOKUPS: usize = 192;
 
 /// The block of a texel of a cube, face after face.
 fn block(level: &CubeLevel, texel: usize) -> usize {

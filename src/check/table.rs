@@ -75,25 +75,49 @@ impl TableValues<'_> {
         Some(Check::at_most(name, &self.spec.channels[channel].label(), off.abs(), tolerance, detail))
     }
 
+    /// What holds of texels that are chosen for the lookup too: they are finite and within the quantities' bounds.
+    pub fn ranges(&self) -> Vec<Check> {
+        (0..self.spec.channels.len()).flat_map(|c| self.range(c)).collect()
+    }
+
     /// Every fact that is known of the quantities: bounds, closed forms, limits, sums.
     pub fn facts(&self) -> Vec<Check> {
         let mut checks = vec![];
-        for (c, handle) in self.spec.channels.iter().enumerate() {
-            let bad = self.channel(c).filter(|(_, v)| !v.is_finite()).count();
-            let name = &handle.label();
-            checks.push(Check::at_most("values that are not finite", name, bad as f64, 0.0, "counted over all texels"));
-            let (low, high) = handle.bounds();
-            let outside = self.channel(c).map(|(texel, v)| {
-                let excess = if v.is_nan() { v } else { (low - v).max(v - high).max(0.0) };
-                Deviation { texel, off: excess, tolerance: self.tolerance(c, v) }
-            });
-            checks.extend(self.worst("distance outside the quantity's bounds", c, outside));
+        for c in 0..self.spec.channels.len() {
+            checks.extend(self.range(c));
             checks.extend(self.identities(c));
             checks.extend((0..self.spec.axes.len()).filter_map(|axis| self.monotony(c, axis)));
         }
         checks.extend(self.scale_plus_bias());
         checks.extend(self.closure());
         checks
+    }
+
+    fn range(&self, c: usize) -> Vec<Check> {
+        let handle = &self.spec.channels[c];
+        let mut checks = vec![];
+        let bad = self.channel(c).filter(|(_, v)| !v.is_finite()).count();
+        let name = &handle.label();
+        checks.push(Check::at_most("values that are not finite", name, bad as f64, 0.0, "counted over all texels"));
+        let (low, high) = handle.bounds();
+        let outside = self.channel(c).map(|(texel, v)| {
+            let excess = if v.is_nan() { v } else { (low - v).max(v - high).max(0.0) };
+            Deviation { texel, off: excess, tolerance: self.tolerance(c, v) }
+        });
+        checks.extend(self.worst("distance outside the quantity's bounds", c, outside));
+        checks
+    }
+
+    /// The texels against those of another table of the same kind.
+    pub fn against(&self, name: &str, wanted: &[f64]) -> Vec<Check> {
+        let n = self.spec.channels.len();
+        let deviations = |c: usize| {
+            self.channel(c).map(move |(texel, value)| {
+                let wanted = wanted[texel * n + c];
+                Deviation { texel, off: value - wanted, tolerance: self.tolerance(c, wanted) }
+            })
+        };
+        (0..n).filter_map(|c| self.worst(name, c, deviations(c))).collect()
     }
 
     /// Steps the wrong way, along an axis on which the quantity is monotone.

@@ -3,6 +3,7 @@
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
 use kiln::Result;
 use kiln::engine::{self, Engine};
+use kiln::environment::Fit;
 use kiln::integrate::{Integrator, Settings};
 use kiln::language::Language;
 use kiln::model::charlie::Visibility;
@@ -142,6 +143,24 @@ impl EngineArgs {
     /// **Errors**: an unknown one.
     pub fn engine(&self) -> Result<Option<&'static Engine>> {
         self.engine.as_deref().map(engine::find).transpose()
+    }
+}
+
+/// `--fit`, in words.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum FitName {
+    /// Each texel is the value at its centre
+    None,
+    /// Texels whose bilinear lookup is closest to the truth, in least squares: about half the error, at no cost at run time
+    Lookup,
+}
+
+impl From<FitName> for Fit {
+    fn from(name: FitName) -> Self {
+        match name {
+            FitName::None => Self::None,
+            FitName::Lookup => Self::Lookup,
+        }
     }
 }
 

@@ -1,17 +1,18 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::{EngineArgs, IntegrationArgs, ShaderArgs};
+use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::table::warn_of_packing;
 use clap::{Args, ValueEnum};
 use kiln::bake::Source;
-use kiln::certificate::Certificate;
+use kiln::certificate::{Certificate, Level};
 use kiln::colour::TargetColour;
 use kiln::engine;
 use kiln::environment::spherical_harmonics::IrradianceFit;
 use kiln::environment::{
-    InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention, View,
+    Fit, InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention,
+    View,
 };
 use kiln::format::FormatSpec;
 use kiln::language::Language;
@@ -95,6 +96,9 @@ pub struct Env {
     /// What becomes of values below zero
     #[arg(long, value_enum, default_value = "keep")]
     negatives: NegativesName,
+    /// What texels are chosen for
+    #[arg(long, value_enum, default_value = "none")]
+    fit: FitName,
     #[command(flatten)]
     integration: IntegrationArgs,
     #[command(flatten)]
@@ -298,6 +302,7 @@ impl Env {
             NegativesName::Keep => Negatives::Keep,
             NegativesName::Clamp => Negatives::Clamp,
         };
+        recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
         recipe.adjust = self.adjust.adjustment();
         if let Some(engine) = engine {
@@ -381,6 +386,9 @@ pub fn bake_environment(
             _ => format!("{} {}² within {:.0e}", l.name, l.size, l.max_error),
         })
         .collect();
+    if recipe.fit == Fit::Lookup {
+        console.note(&fit_note(&baked.certificate.levels));
+    }
     let is_zonal = baked.certificate.levels.iter().any(|l| l.integrator == "zonal");
     let with = if is_zonal { format!(" with {}", InstructionSet::detect().name()) } else { String::new() };
     if let Some(fits) = &baked.certificate.sh {
@@ -405,6 +413,20 @@ pub fn bake_environment(
     ));
     warn_of_packing(console, &target.display().to_string(), recipe.cube_format()?, &baked.certificate.packing);
     Ok(baked.certificate)
+}
+
+/// What fitting did to the levels.
+fn fit_note(levels: &[Level]) -> String {
+    let each = levels.iter().map(|level| match &level.fit {
+        Some(fit) if fit.kept => {
+            format!("{} {:.2} % RMS instead of {:.2} %", level.name, 100.0 * fit.fitted.rms, 100.0 * fit.exact.rms)
+        }
+        Some(fit) => {
+            format!("{} exact, which is no worse than fitted ({:.2} % RMS)", level.name, 100.0 * fit.exact.rms)
+        }
+        None => format!("{} not fitted", level.name),
+    });
+    format!("through bilinear filtering: {}", each.collect::<Vec<_>>().join(", "))
 }
 
 /// Says what in an input is not as one would think, and what was changed.

@@ -1,5 +1,6 @@
-//! `kiln identify`: what a table holds.
+//! `kiln identify`: what a table or an environment chain holds.
 
+use super::chain::{ChainArgs, is_cube_file};
 use super::console::{Console, columns, printable};
 use super::foreign::DescribedArgs;
 use clap::Args;
@@ -8,7 +9,8 @@ use kiln::identify::{self, Identification};
 use kiln::{Error, Result};
 use std::path::PathBuf;
 
-/// Find out what tables hold: which quantities over which axes, and what is wrong with them
+/// Find out what tables hold: which quantities over which axes, and what is wrong with them; of environment chains the roughness per
+/// level, kernel, orientation and scale
 #[derive(Debug, Args)]
 pub struct Identify {
     /// Files of any kind that Kiln reads, or source text with an array
@@ -18,11 +20,16 @@ pub struct Identify {
     #[arg(long)]
     no_cache: bool,
     #[command(flatten)]
+    chain: ChainArgs,
+    #[command(flatten)]
     described: DescribedArgs,
 }
 
 impl Identify {
     pub fn run(&self, console: &Console) -> Result<()> {
+        if self.chain.source.is_some() || self.files.iter().all(|file| is_cube_file(file)) {
+            return self.chain.run(&self.files, None, console).map(|_| ());
+        }
         let options = identify::Options { cache: !self.no_cache };
         let (mut found, mut first_error) = (vec![], None);
         for path in &self.files {

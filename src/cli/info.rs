@@ -4,7 +4,7 @@ use super::adjustment::UnitArgs;
 use super::console::{Console, columns, printable};
 use clap::Args;
 use kiln::bake::SunFile;
-use kiln::certificate::{self, Certificate};
+use kiln::certificate::{self, Certificate, Level};
 use kiln::environment::{Negatives, NonFinite, Panorama, Photometry, Unit, extract_sun};
 use kiln::format::{Array, Decoded, FileKind, Image, Texture, decode};
 use kiln::{Error, Result};
@@ -253,14 +253,40 @@ fn text(facts: &Facts) -> String {
                     lookup.channel, lookup.max, lookup.rms
                 );
             }
+            for fit in c.fit.iter().filter(|fit| fit.kept) {
+                text += &format!(
+                    "  {} is fitted to the lookup; exact texels: ±{:.1e}, RMS {:.1e}\n",
+                    fit.exact.channel, fit.exact.max, fit.exact.rms
+                );
+            }
             for level in &c.levels {
                 text += &format!(
                     "  {} {}², roughness {}: RMS error {:.1e} ({})\n",
                     level.name, level.size, level.roughness, level.rms_error, level.integrator
                 );
+                text += &seen(level);
             }
         }
         None => text += "no certificate\n",
     }
     printable(&(text + "\n"))
+}
+
+/// What a shader sees of a level.
+fn seen(level: &Level) -> String {
+    let Some(lookup) = &level.lookup else {
+        let why = if level.roughness == 0.0 { "a picture of boxes" } else { "seen at an angle, or too narrow a kernel" };
+        return format!("    through bilinear filtering: not measured ({why})\n");
+    };
+    let [x, y, z] = lookup.worst_towards;
+    let mut text = format!(
+        "    through bilinear filtering: RMS {:.1e}, at most {:.1e} towards ({x:.3}, {y:.3}, {z:.3})",
+        lookup.rms, lookup.max
+    );
+    match &level.fit {
+        Some(fit) if fit.kept => text += &format!(", fitted; exact texels: RMS {:.1e}", fit.exact.rms),
+        Some(_) => text += ", exact texels: fitted ones are no better",
+        None => {}
+    }
+    text + "\n"
 }

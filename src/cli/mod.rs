@@ -5,6 +5,7 @@
 mod adjustment;
 mod arguments;
 mod bake;
+mod chain;
 mod compare;
 mod completions;
 mod console;

@@ -1,6 +1,6 @@
 //! `kiln table`: one table.
 
-use super::arguments::{EngineArgs, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
+use super::arguments::{EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
@@ -45,6 +45,9 @@ pub struct Table {
     /// Axes, one to three, x first
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<Axis>,
+    /// What texels are chosen for
+    #[arg(long, value_enum, default_value = "none")]
+    fit: FitName,
     /// How the slices of three axes are arranged: volume, slices, atlas or atlas:COLUMNS [default: volume where the format has it, slices in an EXR, else atlas]
     #[arg(long)]
     layout: Option<Layout>,
@@ -96,6 +99,7 @@ impl Table {
         recipe.model = self.model.over(recipe.model);
         recipe.at = self.point(&recipe)?;
         recipe.layout = self.layout.or(recipe.layout);
+        recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
         if let Some((engine, table)) = preset {
             for departure in engine.table_departures(table, &recipe, self.engine.as_shipped)? {
@@ -209,6 +213,12 @@ fn report(console: &Console, certificate: &Certificate, format: TexelFormat, pat
         .map(|c| format!("{} ±{:.0e} ({}, {})", c.quantity, c.max_error, c.integrator, c.error_kind.name()))
         .collect();
     console.note(&format!("{}: {}; {} checks passed", path.display(), errors.join(", "), certificate.checks.len()));
+    for fit in &certificate.fit {
+        let ([before, after], channel) = ([&fit.exact, &fit.fitted].map(|e| [e.rms, e.max]), &fit.exact.channel);
+        let [rms, max] = [0, 1].map(|i| format!("{:.1e} instead of {:.1e}", after[i], before[i]));
+        let fate = if fit.kept { "" } else { "; exact texels are kept" };
+        console.note(&format!("{channel} through bilinear filtering: RMS {rms}, at most {max}{fate}"));
+    }
     warn_of_packing(console, &path.display().to_string(), format, &certificate.packing);
 }
 

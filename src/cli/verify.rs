@@ -1,5 +1,6 @@
 //! `kiln verify`: whether files hold what they claim, or what they are said to.
 
+use super::chain::ChainArgs;
 use super::console::{Console, columns, printable};
 use super::foreign::{DescribedArgs, SaidArgs};
 use clap::Args;
@@ -19,7 +20,8 @@ pub struct Verify {
     /// Ask the random witness at every texel, not only at 64 (slow)
     #[arg(long)]
     full: bool,
-    /// Largest error that is right in a table without a certificate [default: one step of what it stores, at least 0.001]
+    /// Largest error that is right in a table without a certificate [default: one step of what it stores, at least 0.001], or, relative
+    /// to the value, in a chain with --source [default: any]
     #[arg(long, value_name = "ERROR")]
     max_error: Option<f64>,
     /// Write a JUnit report too
@@ -28,6 +30,8 @@ pub struct Verify {
     /// Neither read nor write the tables that are kept in the user's cache folder
     #[arg(long)]
     no_cache: bool,
+    #[command(flatten)]
+    chain: ChainArgs,
     #[command(flatten)]
     said: SaidArgs,
     #[command(flatten)]
@@ -38,6 +42,10 @@ impl Verify {
     pub fn run(&self, console: &Console) -> Result<()> {
         if let Some(bad) = self.max_error.filter(|e| e.is_nan() || *e < 0.0) {
             return Err(Error::usage(format!("--max-error {bad} is no error"), "give a number such as 1e-3"));
+        }
+        if self.chain.source.is_some() {
+            let [failed, total] = self.chain.run(&self.files, self.max_error, console)?;
+            return if failed > 0 { Err(Error::Verification { failed, total }) } else { Ok(()) };
         }
         let options = Options {
             full: self.full,

@@ -52,8 +52,6 @@ pub(super) static CYCLES: Engine = Engine {
             format: "c:f32",
             channels: &["dielectric.albedo_avg"],
             axes: &["roughness:16:edge", "eta:16:0..1:f0-fourth-root:edge"],
-            // From inside the glass a narrow lobe meets the critical angle: the average is known to some 1e-6 there, far beyond Cycles' own.
-            tolerance: Some(1e-5),
             ..PLAIN
         },
     ],

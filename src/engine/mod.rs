@@ -29,6 +29,7 @@ pub use roughness::RoughnessMap;
 use crate::environment::{BUILTIN_PREFIX, KernelKind, Orientation, ShConvention};
 use crate::error::{Error, Result};
 use crate::integrate::Settings;
+use crate::math::fit::Fit;
 use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
 use crate::recipe::{EnvironmentRecipe, IrradianceKind, RECIPE_VERSION, Recipe, TableRecipe};
@@ -202,6 +203,7 @@ impl EngineTable {
             axes: axes.iter().map(|axis| axis.parse()).collect::<Result<Vec<Axis>>>()?,
             at: Point::default(),
             layout: None,
+            fit: Fit::None,
             model: Model { smith, visibility: self.visibility, ..Model::default() },
             integration: Settings { tolerance: self.tolerance, ..Settings::default() },
         })

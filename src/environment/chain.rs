@@ -4,14 +4,17 @@ use serde::{Deserialize, Serialize};
 
 use super::area_average::area_average;
 use super::cube::Cube;
+use super::fit::{CubeFit, fit};
 use super::full_sum::FullSum;
 use super::kernel::{Kernel, KernelKind};
 use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
 use super::panorama::Panorama;
+use super::seamless::Probe;
 use super::view_lobe::{View, ViewLobe, ViewMonteCarlo};
 use super::zonal::{InstructionSet, Zonal};
 use crate::error::{Error, Result};
 use crate::integrate::Integrator;
+use crate::math::fit::Fit;
 use crate::model::alpha_of_roughness;
 
 /// What a chain is to be.
@@ -32,6 +35,12 @@ pub struct ChainSpec {
     /// How the surface is seen, if not as N = V = R: for [`KernelKind::G1`] and the Monte Carlo witness.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<View>,
+    /// What texels are chosen for; level 0 of a mirror is not fitted, nor is a level whose kernel is too narrow for harmonics.
+    #[serde(default)]
+    pub fit: Fit,
+    /// Whether every level gets a probe of its lookup error.
+    #[serde(default)]
+    pub probe: bool,
 }
 
 /// Levels from the sharpest to the roughest, and what is known about each.
@@ -71,6 +80,13 @@ pub struct LevelReport {
     /// The largest |mean of the level / mean of the input − 1| over the channels. Texel centres do not sum to the flux
     /// exactly (up to a few 1e-3 beside a lone sun), even when every one of them is exact.
     pub mean_deviation: f64,
+    /// What to judge the level by as a shader sees it, if that was asked for. There is none for a mirror, whose truth is a picture of
+    /// boxes that no blend follows, and none where only a sum over all texels knows the truth.
+    #[serde(skip)]
+    pub probe: Option<Probe>,
+    /// What fitting did, if that was asked for and could be done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fit: Option<CubeFit>,
 }
 
 /// Roughness of level 0 of a sheen, where other kernels have a mirror: the least that renderers evaluate.
@@ -106,6 +122,8 @@ impl ChainSpec {
             integrator: Integrator::default(),
             kernel: KernelKind::default(),
             view: None,
+            fit: Fit::None,
+            probe: false,
         }
     }
 
@@ -245,7 +263,12 @@ pub(super) fn check_irradiance(size: usize) -> Result<()> {
 pub(super) struct Filter<'a> {
     panorama: &'a Panorama,
     samples: usize,
+    seed: u64,
     witness: Witness<'a>,
+    /// What knows the filtered function everywhere, for the lookup; the witness itself if that is the zonal filter.
+    truth: Option<Zonal<'a>>,
+    fit: Fit,
+    probe: bool,
     /// For lobes of surfaces that are seen at an angle.
     view: Option<(View, ViewMonteCarlo)>,
 }
@@ -263,18 +286,22 @@ impl<'a> Filter<'a> {
     }
 
     fn beside(truth: FullSum<'a>, panorama: &'a Panorama, spec: &ChainSpec, kernels: &[Kernel]) -> Self {
-        let witness = match spec.integrator {
-            Integrator::Quadrature => Witness::Quadrature(truth),
-            Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
-            Integrator::Auto | Integrator::Zonal => {
-                let mut kernels = kernels.to_vec();
-                kernels.sort_by(|a, b| (a.kind() as u8).cmp(&(b.kind() as u8)).then(a.alpha().total_cmp(&b.alpha())));
-                kernels.dedup();
-                Witness::Zonal(Zonal::beside(truth, panorama, &kernels, InstructionSet::detect()))
-            }
+        let zonal = || {
+            let mut kernels = kernels.to_vec();
+            kernels.sort_by(|a, b| (a.kind() as u8).cmp(&(b.kind() as u8)).then(a.alpha().total_cmp(&b.alpha())));
+            kernels.dedup();
+            Zonal::beside(truth.clone(), panorama, &kernels, InstructionSet::detect())
         };
+        let witness = match spec.integrator {
+            Integrator::Quadrature => Witness::Quadrature(truth.clone()),
+            Integrator::MonteCarlo => Witness::MonteCarlo(Box::new(MonteCarlo::new(panorama, spec.seed))),
+            Integrator::Auto | Integrator::Zonal => Witness::Zonal(zonal()),
+        };
+        let seen = spec.probe || spec.fit == Fit::Lookup;
+        let everywhere = (seen && !matches!(witness, Witness::Zonal(_))).then(zonal);
         let view = spec.view.map(|view| (view, ViewMonteCarlo::new(panorama, spec.seed)));
-        Self { panorama, samples: spec.samples, witness, view }
+        let (samples, seed) = (spec.samples, spec.seed);
+        Self { panorama, samples, seed, witness, truth: everywhere, fit: spec.fit, probe: spec.probe, view }
     }
 
     fn chain(&self, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Chain {
@@ -287,6 +314,35 @@ impl<'a> Filter<'a> {
 
     /// A level; without a kernel, of a mirror.
     pub(super) fn level(
+        &self,
+        size: usize,
+        roughness: f64,
+        kernel: Option<Kernel>,
+        finished: &(dyn Fn(u64) + Sync),
+    ) -> (Cube, LevelReport) {
+        let (cube, report) = self.exact_level(size, roughness, kernel.clone(), finished);
+        let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
+        // A lobe that is seen at an angle is no zonal function.
+        let wanted = |kernel: &Kernel| {
+            let at_an_angle = self.view.is_some() && kernel.kind() == KernelKind::G1;
+            (self.probe || self.fit == Fit::Lookup) && !at_an_angle
+        };
+        let (Some(zonal), Some(kernel)) = (zonal, kernel.filter(wanted)) else { return (cube, report) };
+        let function = zonal.function(&kernel);
+        if function.degree == 0 {
+            return (cube, report);
+        }
+        let probe = Probe::new(&function, &cube, self.panorama.mean(), self.seed);
+        if self.fit == Fit::None {
+            return (cube, LevelReport { probe: Some(probe), ..report });
+        }
+        let (cube, fit) = fit(&function, cube, self.panorama, &probe);
+        let (mean, mean_deviation) = self.mean(&cube);
+        (cube, LevelReport { probe: Some(probe), fit: Some(fit), mean, mean_deviation, ..report })
+    }
+
+    /// A level whose texels are the values at their centres.
+    fn exact_level(
         &self,
         size: usize,
         roughness: f64,
@@ -352,8 +408,7 @@ impl<'a> Filter<'a> {
     }
 
     fn report(&self, cube: &Cube, roughness: f64, method: &str, samples: usize, errors: (f64, f64)) -> LevelReport {
-        let (mean, wanted) = (cube.mean(), self.panorama.mean());
-        let deviation = |c: usize| if wanted[c] == mean[c] { 0.0 } else { (mean[c] / wanted[c] - 1.0).abs() };
+        let (mean, mean_deviation) = self.mean(cube);
         LevelReport {
             size: cube.size,
             roughness,
@@ -365,7 +420,16 @@ impl<'a> Filter<'a> {
             degree: 0,
             truncation_bound: 0.0,
             mean,
-            mean_deviation: (0..3).map(deviation).fold(0.0, f64::max),
+            mean_deviation,
+            probe: None,
+            fit: None,
         }
+    }
+
+    /// The mean over the sphere, and how far it is from the input's.
+    fn mean(&self, cube: &Cube) -> ([f64; 3], f64) {
+        let (mean, wanted) = (cube.mean(), self.panorama.mean());
+        let deviation = |c: usize| if wanted[c] == mean[c] { 0.0 } else { (mean[c] / wanted[c] - 1.0).abs() };
+        (mean, (0..3).map(deviation).fold(0.0, f64::max))
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod exact;
 pub mod expression;
+pub mod fit;
 pub mod frame;
 pub mod memo;
 pub mod quadrature;

@@ -74,7 +74,7 @@ impl Smith {
             Self::Beta => {
                 // 1 + Λ = (μ + ℓ)/2μ
                 let (a, b) = (0.5 * (mu_o + l_o) / mu_o, 0.5 * (mu_t + l_t) / mu_t);
-                Some((libm::lgamma(a) + libm::lgamma(b) - libm::lgamma(a + b)).exp() / mu_o)
+                Some(ln_beta(a, b).exp() / mu_o)
             }
         }
     }
@@ -110,5 +110,50 @@ impl Smith {
             Self::ApproxCorrelated => alpha * mu_o / (alpha + 2.0 * (1.0 - alpha) * mu_o),
         };
         mu.min(1.0).asin()
+    }
+}
+
+/// From where on Stirling's series below is exact to the last digits: its next term is 1/(1188 x⁹).
+const STIRLING: f64 = 20.0;
+
+/// ln B(a, b) = ln Γ(a) + ln Γ(b) − ln Γ(a + b), without the cancellation that a large argument brings: of the difference of its two
+/// logarithms by Stirling's series, only what is left is computed.
+fn ln_beta(a: f64, b: f64) -> f64 {
+    let (a, b) = (a.max(b), a.min(b));
+    if a < STIRLING {
+        return libm::lgamma(a) + libm::lgamma(b) - libm::lgamma(a + b);
+    }
+    // ln Γ(x) = (x − 1/2) ln x − x + ln √2π + series(x)
+    let series = |x: f64| {
+        let x2 = 1.0 / (x * x);
+        (1.0 / 12.0 - x2 * (1.0 / 360.0 - x2 * (1.0 / 1260.0 - x2 / 1680.0))) / x
+    };
+    let rise = (a - 0.5) * (b / a).ln_1p() + b * ((a + b).ln() - 1.0) + series(a + b) - series(a);
+    libm::lgamma(b) - rise
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logarithm_of_beta_keeps_its_digits_for_any_arguments() {
+        // B(a, 1) = 1/a, B(a, 2) = 1/(a (a + 1)) and B(a + 1, b) = B(a, b) a/(a + b).
+        for exponent in -8..=64 {
+            let a = 10.0_f64.powf(0.25 * f64::from(exponent));
+            for (b, wanted) in [(1.0, -a.ln()), (2.0, -a.ln() - a.ln_1p())] {
+                for got in [ln_beta(a, b), ln_beta(b, a)] {
+                    let off = (got - wanted).abs();
+                    assert!(off <= 16.0 * f64::EPSILON * (1.0 + wanted.abs()), "B({a:e}, {b}): off by {off:e}");
+                }
+            }
+            for b in [0.5, 1.37, 12.0, STIRLING - 0.5] {
+                let (step, wanted) = (ln_beta(a + 1.0, b) - ln_beta(a, b), -(b / a).ln_1p());
+                // Each of the two is as good as its largest term.
+                let terms = ln_beta(a, b).abs() + libm::lgamma(b).abs() + b * (a + b).ln().abs() + 40.0;
+                let off = (step - wanted).abs();
+                assert!(off <= 16.0 * f64::EPSILON * terms, "B({a:e} + 1, {b}): off by {off:e}, {terms}");
+            }
+        }
     }
 }

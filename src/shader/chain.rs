@@ -3,10 +3,11 @@
 use super::code::{Function, Item, Statement, Type};
 use super::{Shader, harmonics, packing};
 use crate::certificate::Certificate;
+use crate::environment::Orientation;
 use crate::environment::spherical_harmonics::SphericalHarmonics;
 use crate::error::{Error, Result};
-use crate::math::expression::Expression;
-use crate::recipe::EnvironmentRecipe;
+use crate::math::expression::{Expression, literal};
+use crate::recipe::{EnvironmentRecipe, IrradianceKind};
 
 /// The level at which a chain has a roughness, as code of `roughness`: exact at every level, and linear in the roughness between two.
 ///
@@ -67,22 +68,33 @@ pub(super) fn shader(
             body: vec![Statement::Return(value)],
         })
     };
-    let level = level_of_roughness(&recipe.level_roughness())?;
-    let decoder = packing::decoder(name, recipe.format.texel(3)?);
-    let sample = |texture: &str, direction: &str, level: &str| {
-        let texel = format!("sample({texture}, {name}_direction({direction}), {level})");
-        if decoder.is_some() { format!("{name}_decode({texel})") } else { format!("{texel}.xyz") }
+    let roughness = recipe.level_roughness();
+    let level = level_of_roughness(&roughness)?;
+    let [specular_texel, irradiance_texel] = [recipe.format, recipe.format_of_irradiance()].map(|f| f.texel(3));
+    let (specular_texel, irradiance_texel) = (specular_texel?, irradiance_texel?);
+    let specular_decoder = packing::decoder(name, "decode", specular_texel);
+    // A cube of irradiance may be packed in its own way.
+    let (irradiance_decode, irradiance_decoder) = match recipe.irradiance {
+        IrradianceKind::Cube if irradiance_texel != specular_texel => {
+            let decoder = packing::decoder(name, "decode_irradiance", irradiance_texel);
+            (decoder.is_some().then_some("decode_irradiance"), decoder)
+        }
+        _ => (specular_decoder.is_some().then_some("decode"), None),
     };
-    let [specular, irradiance] =
-        [sample("specular", "mirror", &format!("{name}_level(roughness)")), sample("irradiance", "normal", "0.0")];
-    let mut items: Vec<Item> = decoder.into_iter().collect();
+    let sample = |decode: Option<&str>, texture: &str, direction: &str, level: &str| {
+        let texel = format!("sample({texture}, {name}_direction({direction}), {level})");
+        decode.map_or_else(|| format!("{texel}.xyz"), |decode| format!("{name}_{decode}({texel})"))
+    };
+    let specular_decode = specular_decoder.is_some().then_some("decode");
+    let specular = sample(specular_decode, "specular", "mirror", &format!("{name}_level(roughness)"));
+    let mut items: Vec<Item> = [specular_decoder, irradiance_decoder].into_iter().flatten().collect();
     items.extend([
         function(
             "direction",
-            "The direction that the cubes hold for a direction of the world, which is right-handed, +Y up.",
+            "The vector to look up in the cubes for a direction of the world, which is right-handed, +Y up.",
             &[("direction", Type::Vec3)],
             Type::Vec3,
-            "direction".to_owned(),
+            lookup_vector(&recipe.orientation),
         ),
         function(
             "level",
@@ -98,23 +110,65 @@ pub(super) fn shader(
             Type::Vec3,
             specular,
         ),
-        function(
+    ]);
+    items.extend(harmonics::items(name, sh.map(|sh| (sh, certificate.sh))));
+    let last = roughness.len().saturating_sub(1);
+    items.extend(match recipe.irradiance {
+        IrradianceKind::Cube => Some(function(
             "irradiance",
             "Irradiance over pi, of the irradiance cube: times the albedo it is what a diffuse surface reflects.",
             &[("irradiance", Type::Cube), ("normal", Type::Vec3)],
             Type::Vec3,
-            irradiance,
-        ),
-    ]);
-    items.extend(harmonics::items(name, sh.map(|sh| (sh, certificate.sh))));
+            sample(irradiance_decode, "irradiance", "normal", "0.0"),
+        )),
+        IrradianceKind::LastLevel => Some(function(
+            "irradiance",
+            &format!(
+                "What stands for irradiance over pi: the last level of the specular cube, of roughness {}. Irradiance itself is of\n\
+                 roughness 1.",
+                literal(roughness[last])
+            ),
+            &[("specular", Type::Cube), ("normal", Type::Vec3)],
+            Type::Vec3,
+            sample(specular_decode, "specular", "normal", &literal(last as f64)),
+        )),
+        // Nothing is known of coefficients that the application hands over: they have their own function.
+        IrradianceKind::Sh => sh.map(|_| {
+            function(
+                "irradiance",
+                "Irradiance over pi: times the albedo it is what a diffuse surface reflects.",
+                &[("normal", Type::Vec3)],
+                Type::Vec3,
+                format!("{name}_sh(normal)"),
+            )
+        }),
+        IrradianceKind::None => None,
+    });
     Ok(Shader { head: head(recipe, certificate), items })
+}
+
+/// The vector to look up for the world's `direction`: the inverse of what the cube was turned by.
+fn lookup_vector(orientation: &Orientation) -> String {
+    if orientation.is_identity() {
+        return "direction".to_owned();
+    }
+    let mut lookup = [const { String::new() }; 3];
+    for (component, (axis, sign)) in ["x", "y", "z"].into_iter().zip(orientation.components()) {
+        lookup[axis] = format!("{}direction.{component}", if sign < 0.0 { "-" } else { "" });
+    }
+    format!("vec3({})", lookup.join(", "))
 }
 
 fn head(recipe: &EnvironmentRecipe, certificate: &Certificate) -> String {
     let mut head = format!(
-        "The environment {}, cubes of {}; code by Kiln {}, from their certificate.\n\n",
+        "The environment {}, {}; code by Kiln {}, from their certificate.\n\n",
         recipe.input,
-        recipe.format,
+        match (recipe.format, recipe.format_of_irradiance()) {
+            (own, other) if recipe.irradiance == IrradianceKind::Cube && own != other =>
+                format!("specular cube of {own}, irradiance cube of {other}"),
+            (own, _) if recipe.irradiance == IrradianceKind::Cube => format!("cubes of {own}"),
+            (own, _) => format!("specular cube of {own}"),
+        },
         env!("CARGO_PKG_VERSION")
     );
     for level in &certificate.levels {

@@ -21,12 +21,19 @@ pub fn identifiers(files: &[&str]) -> Vec<String> {
     names
 }
 
-/// The name of a quantity as a field: its last part, or all of it where two would be equal.
+/// The name of a quantity as a field: its last part, or all of it where two would be equal; a quantity that is there more than once
+/// (changed in different ways) is numbered.
 pub(super) fn fields(quantities: &[&str]) -> Vec<String> {
     let short = |name: &str| clean(name.rsplit('.').next().unwrap_or(name));
     let all: Vec<String> = quantities.iter().map(|q| short(q)).collect();
     let is_unique = |name: &String| all.iter().filter(|other| *other == name).count() == 1;
-    quantities.iter().zip(&all).map(|(q, name)| if is_unique(name) { name.clone() } else { clean(q) }).collect()
+    let mut fields: Vec<String> = vec![];
+    for (quantity, name) in quantities.iter().zip(&all) {
+        let name = if is_unique(name) { name.clone() } else { clean(quantity) };
+        let numbered = (2..).map(|n| format!("{name}_{n}"));
+        fields.extend([name.clone()].into_iter().chain(numbered).find(|name| !fields.contains(name)));
+    }
+    fields
 }
 
 fn clean(text: &str) -> String {
@@ -82,5 +89,6 @@ mod tests {
             ["burley_albedo", "burley_renormalized_albedo"]
         );
         assert_eq!(fields(&["compensation.kulla-conty"]), ["kulla_conty"]);
+        assert_eq!(fields(&["ggx.albedo", "ggx.albedo"]), ["ggx_albedo", "ggx_albedo_2"]);
     }
 }

@@ -3,9 +3,9 @@
 use super::code::{Function, Item, Statement, Type};
 use crate::pack::TexelFormat;
 
-/// The function from a texel's four codes to its three values, where texels are codes; hardware reads all other formats itself, and
+/// The function NAME_END from a texel's four codes to its three values, where texels are codes; hardware reads all other formats itself, and
 /// who loads an RGBE picture unpacks it.
-pub(super) fn decoder(name: &str, format: TexelFormat) -> Option<Item> {
+pub(super) fn decoder(name: &str, end: &str, format: TexelFormat) -> Option<Item> {
     let body = match format {
         TexelFormat::Rgbm => squared("texel.xyz * (texel.w * 8.0)"),
         TexelFormat::Rgbp => squared("texel.xyz * (8.0 - 7.0 * texel.w)"),
@@ -17,7 +17,7 @@ pub(super) fn decoder(name: &str, format: TexelFormat) -> Option<Item> {
             "What the codes of {format} stand for. They ought to be unpacked before they are filtered: where neighbours\nhave \
              different factors, linear filtering of codes is wrong."
         ),
-        name: format!("{name}_decode"),
+        name: format!("{name}_{end}"),
         parameters: vec![("texel".to_owned(), Type::Vec4)],
         result: Type::Vec3,
         body,

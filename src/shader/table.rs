@@ -6,7 +6,7 @@ use crate::certificate::Certificate;
 use crate::error::Result;
 use crate::math::expression::Expression;
 use crate::recipe::TableRecipe;
-use crate::table::{Arrangement, Axis, Sampling};
+use crate::table::{Arrangement, Axis, Sampling, Transform};
 
 /// Channels of a texture: a table with more is looked up in several.
 const CHANNELS: usize = 4;
@@ -16,6 +16,8 @@ struct Names<'a> {
     name: &'a str,
     axes: &'a [Axis],
     fields: Vec<String>,
+    /// What became of each channel before it was packed.
+    transforms: Vec<Transform>,
     arrangement: Arrangement,
     /// Whether texels are codes.
     is_coded: bool,
@@ -25,11 +27,12 @@ pub(super) fn shader(name: &str, recipe: &TableRecipe, certificate: &Certificate
     let spec = recipe.spec()?;
     spec.check()?;
     let quantities: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
-    let decoder = packing::decoder(name, recipe.format.texel(quantities.len())?);
+    let decoder = packing::decoder(name, "decode", recipe.format.texel(quantities.len())?);
     let names = Names {
         name,
         axes: &spec.axes,
         fields: identifier::fields(&quantities),
+        transforms: spec.channels.iter().map(|c| c.transform).collect(),
         arrangement: recipe.arrangement()?,
         is_coded: decoder.is_some(),
     };
@@ -82,6 +85,9 @@ impl Names<'_> {
                 axis.warp,
                 if axis.flip { ", flipped" } else { "" }
             );
+            if axis.shift != 0.0 {
+                head += &format!("    displaced by {:+} texels, which the code makes up for\n", axis.shift);
+            }
         }
         for (parameter, value) in recipe.at.given() {
             head += &format!("{} is {value}\n", parameter.shader_name());
@@ -204,19 +210,30 @@ impl Names<'_> {
         body.push(Statement::Variable("values".to_owned(), self.values()));
         for (channel, field) in self.fields.iter().enumerate() {
             let component = &"xyzw"[channel % CHANNELS..=channel % CHANNELS];
-            body.push(Statement::Set(
-                format!("values.{field}"),
-                format!("{}.{component}", self.texel(channel / CHANNELS)),
-            ));
+            let texel = Expression::variable(format!("{}.{component}", self.texel(channel / CHANNELS)));
+            body.push(Statement::Set(format!("values.{field}"), self.transforms[channel].undone(texel).to_string()));
         }
         body.push(Statement::Return("values".to_owned()));
         Item::Function(Function {
-            comment: "The table at the parameters.".to_owned(),
+            comment: self.about_lookup(),
             name: format!("{}_lookup", self.name),
             parameters: textures.chain(self.parameters()).collect(),
             result: self.values(),
             body,
         })
+    }
+
+    fn about_lookup(&self) -> String {
+        let mut about = "The table at the parameters.".to_owned();
+        if self.transforms.iter().any(|t| !t.is_identity()) {
+            about += " What became of a quantity before it was stored is undone.";
+        }
+        for (field, transform) in self.fields.iter().zip(&self.transforms).filter(|(_, t)| t.limits()) {
+            about += &format!(
+                "\nOf {field}{transform}, nothing undoes min(y,1): where that was at work, the limit remains."
+            );
+        }
+        about
     }
 
     /// The values at a place.

@@ -98,7 +98,8 @@ impl Axis {
             Sampling::Edge => ((n - 1.0) / n, 0.5 / n),
         };
         let along = (self.warp.expression(x) - first) * (scale / (last - first));
-        if self.flip { Expression::from(1.0 - offset) - along } else { along + offset }
+        let shift = self.shift / n;
+        if self.flip { Expression::from(1.0 - offset - shift) - along } else { along + (offset - shift) }
     }
 
     /// The parameter at a position in texels; beyond the outermost texels as far as the range goes.

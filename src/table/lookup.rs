@@ -1,7 +1,7 @@
 //! What a shader sees: the error of a table through bilinear filtering.
 
-use super::bake::TableSpec;
-use super::quantity::{Handle, Point};
+use super::bake::{Evaluator, TableSpec};
+use super::quantity::Point;
 use crate::error::{Error, Result};
 use crate::integrate::{Integration, Settings};
 use rayon::prelude::*;
@@ -53,17 +53,7 @@ fn positions(size: usize, first: f64, last: f64, n_axes: usize) -> Vec<f64> {
 ///
 /// **Errors**: those of the deterministic integrator, which is the truth here.
 pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError>> {
-    let by_tolerance = Integration::new(Settings { tolerance: Some(TRUTH), ..Settings::default() })?;
-    let by_samples = Integration::new(Settings { samples: Some(TRUTH_SAMPLES), ..Settings::default() })?;
-    let (smooth, rough) =
-        (spec.evaluator_of(|h| h.family.has_quadrature()), spec.evaluator_of(|h| !h.family.has_quadrature()));
-    let truth = |at: &Point| -> Result<Vec<f64>> {
-        let (smooth, rough) = (smooth.at(at, &by_tolerance)?, rough.at(at, &by_samples)?);
-        let chosen = |(c, handle): (usize, &Handle)| {
-            if handle.family.has_quadrature() { smooth[c].value } else { rough[c].value }
-        };
-        Ok(spec.channels.iter().enumerate().map(chosen).collect())
-    };
+    let truth = Truth::new(spec)?;
     let per_axis: Vec<Vec<f64>> = spec
         .axes
         .iter()
@@ -87,22 +77,11 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
                         position.push(axis[rest % axis.len()]);
                         rest /= axis.len();
                     }
-                    let mut at = spec.at;
-                    for (axis, &p) in spec.axes.iter().zip(&position) {
-                        at.set(axis.parameter, axis.value_at_position(p));
-                    }
+                    let at = parameters(spec, &position);
                     let seen =
                         linear(texels, &spec.axes.iter().map(|a| a.size).collect::<Vec<_>>(), channels, &position);
-                    match truth(&at) {
-                        Ok(exact) if exact.iter().any(|e| !e.is_finite()) => Err(Error::unsupported(
-                            format!("the truth at {at} is not a finite number"),
-                            "report this as a bug, with the recipe",
-                        )),
-                        Ok(exact) => Ok(Some((exact.iter().zip(seen).map(|(e, seen)| seen - e).collect(), at))),
-                        // A place where the quantity diverges has no error.
-                        Err(Error::Unsupported(_)) => Ok(None),
-                        Err(other) => Err(other),
-                    }
+                    let exact = truth.at(&at)?;
+                    Ok(exact.map(|exact| (exact.iter().zip(seen).map(|(e, seen)| seen - e).collect(), at)))
                 })
                 .filter_map(Result::transpose)
                 .collect::<Result<_>>()
@@ -124,21 +103,92 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
         .collect())
 }
 
+/// What the quantities of a table are, anywhere.
+pub(super) struct Truth {
+    smooth: (Evaluator, Integration),
+    rough: (Evaluator, Integration),
+    /// Of each channel, whether quadrature knows it.
+    is_smooth: Vec<bool>,
+}
+
+impl Truth {
+    pub(super) fn new(spec: &TableSpec) -> Result<Self> {
+        let by_tolerance = Integration::new(Settings { tolerance: Some(TRUTH), ..Settings::default() })?;
+        let by_samples = Integration::new(Settings { samples: Some(TRUTH_SAMPLES), ..Settings::default() })?;
+        Ok(Self {
+            smooth: (spec.evaluator_of(|h| h.family.has_quadrature()), by_tolerance),
+            rough: (spec.evaluator_of(|h| !h.family.has_quadrature()), by_samples),
+            is_smooth: spec.channels.iter().map(|h| h.family.has_quadrature()).collect(),
+        })
+    }
+
+    /// One value per channel; nothing where a quantity diverges, which has no error there.
+    pub(super) fn at(&self, at: &Point) -> Result<Option<Vec<f64>>> {
+        let both = self.smooth.0.at(at, &self.smooth.1).and_then(|s| Ok((s, self.rough.0.at(at, &self.rough.1)?)));
+        let (smooth, rough) = match both {
+            Ok(both) => both,
+            Err(Error::Unsupported(_)) => return Ok(None),
+            Err(other) => return Err(other),
+        };
+        let chosen = |(c, &is_smooth): (usize, &bool)| if is_smooth { smooth[c].value } else { rough[c].value };
+        let exact: Vec<f64> = self.is_smooth.iter().enumerate().map(chosen).collect();
+        if exact.iter().any(|e| !e.is_finite()) {
+            return Err(Error::unsupported(
+                format!("the truth at {at} is not a finite number"),
+                "report this as a bug, with the recipe",
+            ));
+        }
+        Ok(Some(exact))
+    }
+}
+
+/// The parameters at a position in texels.
+pub(super) fn parameters(spec: &TableSpec, position: &[f64]) -> Point {
+    let mut at = spec.at;
+    for (axis, &p) in spec.axes.iter().zip(position) {
+        at.set(axis.parameter, axis.value_at_position(p));
+    }
+    at
+}
+
+/// The texels that a sampler blends at a position, and their weights, which sum to 1: N is two to the number of axes.
+pub(super) struct Taps<const N: usize> {
+    pub texels: [usize; N],
+    pub weights: [f64; N],
+}
+
+impl<const N: usize> Taps<N> {
+    /// At a position in texels, coordinates clamped to the outermost texels as samplers do.
+    pub(super) fn at(sizes: &[usize], position: &[f64]) -> Self {
+        let mut taps = Self { texels: [0; N], weights: [1.0; N] };
+        // Every corner of the cell: bit a of `corner` chooses the nearer or the farther texel along axis a.
+        for corner in 0..N {
+            let mut stride = 1;
+            for (axis, (&size, &p)) in sizes.iter().zip(position).enumerate() {
+                let p = p.clamp(0.0, (size - 1) as f64);
+                let low = (p.floor() as usize).min(size.saturating_sub(2));
+                let (fraction, far) = (p - low as f64, corner >> axis & 1);
+                taps.weights[corner] *= if far == 1 { fraction } else { 1.0 - fraction };
+                taps.texels[corner] += (low + far).min(size - 1) * stride;
+                stride *= size;
+            }
+        }
+        taps
+    }
+}
+
 /// Linear interpolation along every axis at a position in texels, coordinates clamped to the outermost texels as samplers do.
 fn linear(texels: &[f32], sizes: &[usize], channels: usize, position: &[f64]) -> Vec<f64> {
+    match sizes.len() {
+        1 => blend(texels, channels, &Taps::<2>::at(sizes, position)),
+        2 => blend(texels, channels, &Taps::<4>::at(sizes, position)),
+        _ => blend(texels, channels, &Taps::<8>::at(sizes, position)),
+    }
+}
+
+fn blend<const N: usize>(texels: &[f32], channels: usize, taps: &Taps<N>) -> Vec<f64> {
     let mut seen = vec![0.0; channels];
-    // Every corner of the cell: bit a of `corner` chooses the nearer or the farther texel along axis a.
-    for corner in 0..1_usize << sizes.len() {
-        let (mut index, mut stride, mut weight) = (0, 1, 1.0);
-        for (axis, (&size, &p)) in sizes.iter().zip(position).enumerate() {
-            let p = p.clamp(0.0, (size - 1) as f64);
-            let low = (p.floor() as usize).min(size.saturating_sub(2));
-            let fraction = p - low as f64;
-            let far = corner >> axis & 1;
-            weight *= if far == 1 { fraction } else { 1.0 - fraction };
-            index += (low + far).min(size - 1) * stride;
-            stride *= size;
-        }
+    for (&index, &weight) in taps.texels.iter().zip(&taps.weights) {
         // A texel without weight must not turn an infinite or missing neighbour into NaN.
         if weight > 0.0 {
             for (c, seen) in seen.iter_mut().enumerate() {

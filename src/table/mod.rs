@@ -14,6 +14,7 @@ pub mod compensation;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
+pub mod fit;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;

@@ -13,6 +13,7 @@
 
 use crate::error::{Error, Result};
 use crate::integrate::Estimate;
+use crate::math::expression::Expression;
 use std::fmt;
 use std::str::FromStr;
 
@@ -58,6 +59,22 @@ impl Step {
         }
     }
 
+    /// The same in a shader, which has no infinity to divide by 0 for.
+    fn undone(self, y: Expression) -> Expression {
+        /// The least difference of 1 and an f32 below it.
+        const LEAST: f64 = f32::EPSILON as f64 / 2.0;
+        /// More than any difference.
+        const FAR: f64 = 1e30;
+        match self {
+            Self::Add(n) => y - n,
+            // By a factor, and not by a quotient, which shaders round more coarsely.
+            Self::Multiply(n) => y * (1.0 / n),
+            Self::Divide(n) => y * n,
+            Self::Squash => y.clone() / (Expression::from(1.0) - y).clamp(LEAST, FAR),
+            Self::AtMostOne => y,
+        }
+    }
+
     /// By how much the step stretches an interval at most that lies within `error` of `y`.
     fn slope(self, y: f64, error: f64) -> f64 {
         match self {
@@ -97,6 +114,16 @@ impl Transform {
     /// The value that became `y`: what a shader computes.
     pub fn undo(&self, y: f64) -> f64 {
         self.steps().rev().fold(y, |y, step| step.undo(y))
+    }
+
+    /// [`Transform::undo`] as shader code; a quantity without bound comes out as 2²⁴ where it was infinite.
+    pub fn undone(&self, y: Expression) -> Expression {
+        self.steps().rev().fold(y, |y, step| step.undone(y))
+    }
+
+    /// Whether a step loses what is beyond it, so that it cannot be undone there.
+    pub fn limits(&self) -> bool {
+        self.steps().any(|step| step == Step::AtMostOne)
     }
 
     /// The estimate of the changed value, its error stretched as the value is, and widened by the rounding of each step.
@@ -188,6 +215,23 @@ mod tests {
         for bad in ["", "0.5", "*0", "/0", "+inf", "+x", "+1:+1:+1:+1"] {
             assert!(bad.parse::<Transform>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn shader_code_undoes_what_the_bake_did() {
+        for transform in every() {
+            let code = transform.undone(Expression::variable("y"));
+            for y in [0.0, 0.1, 0.3, 1.0] {
+                let held = transform.apply(y);
+                let (found, wanted) = (code.evaluate(&|_| held), transform.undo(held));
+                assert!((found - wanted).abs() < 1e-14, "{code} of {held}: {found}, {wanted}");
+            }
+            assert_eq!(transform.limits(), transform.to_string() == ":min(y,1)", "{transform}");
+        }
+        let [squash, unity] = ["y/(1+y)", "/1.03571:-0.5"].map(|text| text.parse::<Transform>().unwrap());
+        let code = |t: Transform| t.undone(Expression::variable("y"));
+        assert_eq!(code(squash).evaluate(&|_| squash.apply(f64::INFINITY)), 2.0_f64.powi(24));
+        assert_eq!(code(unity).to_string(), "(y + 0.5) * 1.03571");
     }
 
     #[test]

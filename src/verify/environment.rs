@@ -4,7 +4,7 @@ use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
-use crate::environment::{KernelKind, Panorama, sh_bands, spherical_harmonics};
+use crate::environment::{CubeLookup, KernelKind, Panorama, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::Texture;
 use crate::recipe::{EnvironmentRecipe, cube_texel};
@@ -167,10 +167,13 @@ fn levels(
             // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
             let max_error = level.max_error.min(MOST_ERROR);
             let rms_error = level.rms_error.min(max_error);
+            let fitted = level.lookup.clone().filter(|_| level.is_fitted());
+            // Likewise what a lookup may be off by.
+            let fitted = fitted.map(|lookup| CubeLookup { max: lookup.max.min(MOST_ERROR), ..lookup });
             let kernel = if level.name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel };
             let view = recipe.view.filter(|_| level.name != IRRADIANCE);
             let (name, roughness) = (level.name.clone(), level.roughness);
-            Ok(CubeLevel { name, size, roughness, kernel, view, texels, max_error, rms_error })
+            Ok(CubeLevel { name, size, roughness, kernel, view, texels, fitted, max_error, rms_error })
         })
         .collect()
 }

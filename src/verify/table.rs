@@ -1,7 +1,7 @@
 //! Verification of a table.
 
 use super::{Content, Options, Report, digest_check};
-use crate::bake::texel_digest;
+use crate::bake::{self, texel_digest};
 use crate::certificate::Certificate;
 use crate::check::{Check, MOST_BLOCK_ERROR, Precision, TableValues};
 use crate::error::{Error, Result};
@@ -9,6 +9,7 @@ use crate::format::{Container, Texture, raw};
 use crate::integrate::Integration;
 use crate::recipe::TableRecipe;
 use crate::table::TableSpec;
+use crate::table::lookup::lookup_errors;
 use crate::table::quantity::Handle;
 use std::path::Path;
 
@@ -31,9 +32,22 @@ pub(super) fn verify(
     let judged = TableValues { spec: &spec, values: &values, errors: &errors, kinds: &kinds, precision };
     let mut checks: Vec<Check> =
         digest_check(path, certificate, &texel_digest([texels.as_slice()])).into_iter().collect();
-    checks.extend(judged.facts());
-    checks.extend(judged.every_texel(|_| true)?);
-    checks.extend(judged.random_witness(recipe.integration.seed, options.full, |_| true)?);
+    if certificate.fit.iter().any(|channel| channel.kept) {
+        // Chosen for the lookup: texels are no values of the quantities, so that they are chosen again, and looked up.
+        let (again, _) = bake::table_values(&spec, recipe, &integration, &|_| {})?;
+        checks.extend(judged.ranges());
+        checks.extend(judged.against("fitted again, every texel", &again.values));
+        for (found, claimed) in lookup_errors(&spec, &texels)?.iter().zip(&certificate.lookup) {
+            let detail = format!("worst at {}", found.worst_at);
+            let name = "error through bilinear filtering, as certified";
+            // The same points of the same texels: the same number, but for the last digits of the certificate.
+            checks.push(Check::at_most(name, &found.channel, found.max, claimed.max * (1.0 + 1e-9), detail));
+        }
+    } else {
+        checks.extend(judged.facts());
+        checks.extend(judged.every_texel(|_| true)?);
+        checks.extend(judged.random_witness(recipe.integration.seed, options.full, |_| true)?);
+    }
     let axes: Vec<String> = recipe.axes.iter().map(ToString::to_string).collect();
     let fixed = if recipe.at.is_empty() { String::new() } else { format!(" at {}", recipe.at) };
     let claim = format!(

@@ -33,7 +33,8 @@ const bytes = async (name) => (await fetch('/' + name)).arrayBuffer();
 
 /// Libraries ask for modules by name.
 const IMPORTS: &str = r#"<script type="importmap">{"imports": {
-"three": "/tools/three/build/three.module.js", "three/addons/": "/tools/three/examples/jsm/"}}</script>
+"three": "/tools/three/build/three.module.js", "three/addons/": "/tools/three/examples/jsm/",
+"@babylonjs/core/": "/tools/@babylonjs/core/"}}</script>
 "#;
 
 /// Runs a module in a page of its own; what it posted, or nothing where there is no browser.

@@ -46,6 +46,9 @@ const FEW: usize = 16;
 /// A bound of truncation above this, which is some thousand times what truncation does, asks for more degrees.
 const HARD: f64 = 1e-2;
 
+/// Directions that a thread answers for at a time.
+const LINE: usize = 64;
+
 /// A panorama made ready to be filtered by some kernels.
 #[derive(Debug)]
 pub struct Zonal<'a> {
@@ -159,6 +162,18 @@ impl Function<'_> {
             mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
         }
         std::array::from_fn(|c| (mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
+    }
+
+    /// The values in many unit directions.
+    pub fn values(&self, directions: &[DVec3]) -> Vec<[f64; 3]> {
+        let mut values = vec![[0.0; 3]; directions.len()];
+        values.par_chunks_mut(LINE).zip(directions.par_chunks(LINE)).for_each(|(out, directions)| {
+            self.zonal.instructions.run(
+                #[inline(always)]
+                || out.iter_mut().zip(directions).for_each(|(value, direction)| *value = self.at(*direction)),
+            );
+        });
+        values
     }
 
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.

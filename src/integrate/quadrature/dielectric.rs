@@ -81,8 +81,9 @@ fn scattering_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 2] {
     // Where the refracted ray of the facets towards the surface grazes it from below: β_t − β = π/2 − θ_o.
     let grazes = if eta < 1.0 { e_o.sin().atan2(1.0 / eta - e_o.cos()) } else { e_o };
     let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
-    if mu == 0.0 && eta < 1.0 {
-        return [up, 0.0]; // what refracts from along the surface, on the denser side, is bent up from it
+    // What refracts from along the surface, on the denser side, is bent up from it; Beta lets nothing through where Λ is infinite.
+    if mu == 0.0 && (eta < 1.0 || smith == Smith::Beta) {
+        return [up, 0.0];
     }
     let down = view.over_cones(&[e_o, grazes], critical, |cone| view.transmitted(cone));
     [up, down]
@@ -102,9 +103,10 @@ impl View<'_> {
         self.interface.facets.alpha_x
     }
 
-    /// How far beyond the horizon G2 stays as it is, in cosines.
+    /// How far beyond the horizon G2 stays as it is, in cosines: up to its pole at the cosine −mu or, at mu = 0 where it has none,
+    /// to its branch points.
     fn margin(&self) -> f64 {
-        self.alpha().min(self.mu.max(FLATTEST * self.alpha()))
+        if self.mu == 0.0 { self.alpha() } else { self.alpha().min(self.mu.max(FLATTEST * self.alpha())) }
     }
 
     /// ∫ f dβ from 0 to `end`, where a horizon enters or leaves the cones at `seams`, and at `end` something else does.
@@ -122,13 +124,21 @@ impl View<'_> {
             a.1 |= same && b.1;
             same
         });
+        // Beyond the critical angle, on the other sheet of its root, stands the pole of r∥: at cosβ_t = −η cosβ.
+        let eta = self.interface.eta;
+        let pole = if end == eta.asin() {
+            eta.powi(3) / (2.0 * ((1.0 - eta) * (1.0 + eta)).sqrt() * (1.0 + eta * eta))
+        } else {
+            FAR
+        };
         let width = 0.5 * self.alpha();
         let smallest = if self.interface.facets.smith == Smith::Beta { SEAM } else { 0.0 };
         let mut sum = 0.0;
         for (i, panel) in ends.windows(2).enumerate() {
             let half = 0.5 * (panel[1].0 - panel[0].0);
-            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { FAR };
-            let after = ends.get(i + 2).map_or(FAR, |e| e.0 - panel[1].0);
+            // Below β = 0 everything is mirrored.
+            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { panel[1].0 };
+            let after = ends.get(i + 2).map_or(pole, |e| e.0 - panel[1].0);
             for ((from, root), sign, beyond) in [(panel[0], 1.0, before), (panel[1], -1.0, after)] {
                 let near = width.hypot(from - self.theta_o).min(beyond).min(0.5 * self.margin()) / half;
                 let scale = if root { near.sqrt().max(smallest) } else { near };
@@ -168,7 +178,7 @@ impl View<'_> {
         let Some(cos_t) = refracted_cosine(cone.cos, eta) else { return 0.0 };
         let k = cone.cos / eta - cos_t;
         // cos(β_t − d)
-        let first = cos_t * cone.cos_d + cone.sin / eta * cone.sin_d;
+        let first = if eta == 1.0 { self.mu } else { cos_t * cone.cos_d + cone.sin / eta * cone.sin_d };
         let slope = 2.0 * k * cone.b;
         let facing = cone.cos_d / (2.0 * cone.b);
         let smith = self.interface.facets.smith;
@@ -183,6 +193,8 @@ impl View<'_> {
         let cosine = |y: f64| (first + slope * y).clamp(0.0, 1.0); // outside by rounding only
         let (mu, l) = (self.mu, self.l);
         let through = match smith {
+            // The limit, up to the horizon: there both cosines are 0.
+            Smith::Correlated if mu == 0.0 => self.over_azimuth(cone, start, end, |_| 2.0 / l),
             Smith::Correlated => self.over_azimuth(cone, start, end, |y| {
                 let mu_t = cosine(y);
                 2.0 * mu_t / (mu_t * l + mu * self.l_of(mu_t))
