@@ -7,7 +7,7 @@
 use crate::certificate::{self, Certificate};
 use crate::environment::{Cube, Panorama, area_average, from_cube};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, Decoded, FormatSpec, Image, Packing, Texture};
+use crate::format::{self, Container, Decoded, FormatSpec, Image, Packing, Texture, source};
 use crate::pack::{PackReport, TexelFormat};
 use serde::Serialize;
 
@@ -23,7 +23,7 @@ pub enum Shape {
 }
 
 /// What to make of a file.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Conversion {
     /// The container and packing.
     pub format: FormatSpec,
@@ -35,6 +35,8 @@ pub struct Conversion {
     pub channels: Option<usize>,
     /// Whether values that the packing has no room for may be brought to what it has.
     pub clamp: bool,
+    /// What an array in source code is called; `table` where nothing says it.
+    pub name: Option<String>,
 }
 
 /// What a conversion did.
@@ -83,6 +85,10 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
     texture.format = content.texel_format(conversion.format)?;
     content.fit_channels(texture.format.channels());
     texture.channels = content.channels.clone();
+    if conversion.format.container().is_source() {
+        texture.metadata.retain(|(key, _)| key != source::NAME_KEY);
+        texture.metadata.extend(conversion.name.iter().map(|name| (source::NAME_KEY.to_owned(), name.clone())));
+    }
     let mut report = Report {
         format: texture.format.to_string(),
         packing: PackReport::default(),
@@ -152,7 +158,10 @@ impl Content {
 
     fn of_texture(texture: Texture) -> Self {
         let levels = (0..texture.levels.len()).map(|level| wide(&texture.values(level))).collect();
-        let channels = texture.channel_names();
+        // A texture has no names for its channels, but its certificate may.
+        let n = texture.format.channels();
+        let named = || Certificate::from_json(texture.metadata(certificate::KEY)?).ok()?.table.map(|t| t.channels);
+        let channels = named().filter(|names| names.len() == n).unwrap_or_else(|| texture.channel_names());
         Self { like: Texture { levels: vec![], ..texture }, channels, levels, notes: vec![] }.without_certificate()
     }
 

@@ -450,7 +450,7 @@ fn the_irradiance_of_a_white_furnace_is_one_in_every_convention() {
 
 fn conversion(format: &str) -> Conversion {
     let format = format.parse().unwrap();
-    Conversion { format, shape: Shape::Keep, level: None, channels: None, clamp: false }
+    Conversion { format, shape: Shape::Keep, level: None, channels: None, clamp: false, name: None }
 }
 
 fn converted(bytes: &[u8], conversion: &Conversion) -> kiln::Result<(Vec<u8>, kiln::convert::Report)> {

@@ -65,7 +65,9 @@ impl Convert {
             (Some(ShapeName::Panorama), _) => Shape::Panorama,
             _ => Shape::Keep,
         };
-        let conversion = Conversion { format, shape, level: self.level, channels: self.channels, clamp: self.clamp };
+        let name = self.output.file_stem().and_then(|name| name.to_str()).map(str::to_owned);
+        let (level, channels, clamp) = (self.level, self.channels, self.clamp);
+        let conversion = Conversion { format, shape, level, channels, clamp, name };
         let (bytes, report) = convert(decoded, &conversion).map_err(|e| e.in_file(&self.input))?;
         atomic::write(&self.output, &bytes)?;
         for note in &report.notes {
@@ -97,10 +99,13 @@ impl Convert {
 }
 
 fn text(convert: &Convert, format: FormatSpec, report: &Report) -> String {
+    let number = |v: f64| if v == 0.0 { "0".to_owned() } else { format!("{v:.3e}") };
     let Report { packing, rms_error, max_error, count, .. } = report;
     let mut text = format!(
-        "{}: {format}, off by at most {max_error:.3e}, {rms_error:.3e} RMS over {count} values; {} overflowed, {} below zero, {} not finite\n",
+        "{}: {format}, off by at most {}, {} RMS over {count} values; {} overflowed, {} below zero, {} not finite\n",
         convert.output.display(),
+        number(*max_error),
+        number(*rms_error),
         packing.overflowed,
         packing.negative,
         packing.nonfinite
