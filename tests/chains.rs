@@ -1,5 +1,7 @@
 //! Environment chains: those that others made are judged and named, and Kiln's own are made for the shader that reads them.
 
+#![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
+
 mod support;
 
 use std::f64::consts::{PI, TAU};

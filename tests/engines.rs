@@ -115,7 +115,7 @@ fn a_baked_cube_holds_on_each_face_what_the_triples_say() {
         let faces = environment.orientation.faces();
         // The same without turning, in floats: what the world looks like.
         let world = kiln::environment::area_average(&source.panorama, CUBE);
-        for face in 0..6 {
+        for (face, triple) in faces.iter().enumerate() {
             let values = texture.face(0, face).expect("a face");
             let n = texture.format.channels();
             for (u, v) in [(0.5, -0.25), (-0.5, 0.75), (0.0, 0.0)] {
@@ -127,11 +127,11 @@ fn a_baked_cube_holds_on_each_face_what_the_triples_say() {
                     "v" => v,
                     _ => -v,
                 };
-                let direction = DVec3::from(faces[face].map(term));
+                let direction = DVec3::from(triple.map(term));
                 // Not on an edge between texels.
                 let (u, v) = (u + 0.01, v + 0.01);
                 let direction = direction
-                    + DVec3::from(faces[face].map(|text| match text {
+                    + DVec3::from(triple.map(|text| match text {
                         "u" | "v" => 0.01,
                         "-u" | "-v" => -0.01,
                         _ => 0.0,

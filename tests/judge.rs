@@ -1,5 +1,7 @@
 //! Judging and recognising tables that Kiln did not make: made here by other code than Kiln's, as engines make them.
 
+#![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
+
 mod support;
 
 use kiln::bake;
@@ -120,8 +122,9 @@ fn axes(found: &Identification) -> Vec<&str> {
 #[test]
 fn tables_as_engines_make_them_are_recognised() {
     let byte = |v: f64| (v * 255.0).round() / 255.0;
-    // (the table, quantities, axes, words, model of the first channel)
-    let cases: [(&str, Engine, &[&str], &[&str], &[&str], &str); 9] = [
+    /// The table, quantities, axes, words, model of the first channel.
+    type Case<'a> = (&'a str, Engine, &'a [&'a str], &'a [&'a str], &'a [&'a str], &'a str);
+    let cases: [Case; 9] = [
         ("1024 samples", PLAIN, &["ggx.scale", "ggx.bias"], &["mu:32", "roughness:32"], &[], "correlated Smith"),
         (
             "Karis",
@@ -319,7 +322,8 @@ fn what_the_built_in_recipe_bakes_passes_as_somebody_elses() {
         assert_eq!(report.failures(), 0, "{report:#?}");
         let mut judged: Vec<&str> = report.channels.iter().map(|c| c.quantity.as_str()).collect();
         let mut wanted: Vec<&str> = recipe.channels.iter().map(String::as_str).collect();
-        (judged.sort_unstable(), wanted.sort_unstable());
+        judged.sort_unstable();
+        wanted.sort_unstable();
         assert_eq!(judged, wanted, "{report:#?}");
         for channel in &report.channels {
             // Rounded to the nearest: as good as correct rounding, but for what the integrals are off by.
@@ -328,7 +332,8 @@ fn what_the_built_in_recipe_bakes_passes_as_somebody_elses() {
         let found = found(&Grid::read(&path, &Described::default()).unwrap());
         let mut axes = axes(&found);
         let mut wanted: Vec<String> = recipe.axes.iter().map(kiln::table::Axis::brief).collect();
-        (axes.sort_unstable(), wanted.sort_unstable());
+        axes.sort_unstable();
+        wanted.sort_unstable();
         assert_eq!(axes, wanted, "{found:#?}");
     }
 }
