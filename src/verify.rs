@@ -1,7 +1,7 @@
 //! Verification of files: read again, judged against physics and against both witnesses.
 //!
 //! What a file claims to be, its certificate says (embedded, or beside it); whether that is true, the checks say. A table without a
-//! certificate is somebody else's: [`foreign`] judges it by what the user says it is, or else by what [`identify`](crate::identify)
+//! certificate is somebody else's: [`foreign`] judges it by what the user says it is, or else by what [`identify`](mod@crate::identify)
 //! finds it to be.
 //!
 //! [`that_file`] is the way in for an engine's own tests; [`junit`] is for its continuous integration.
@@ -123,9 +123,9 @@ pub fn file(path: &Path, options: Options) -> Result<Report> {
     file_as(path, &Described::default(), None, options)
 }
 
-/// Judges one file by what is `said` of it; where nothing is, as [`file`] does. `described` says what the file does not say itself.
+/// Judges one file by what is `said` of it; where nothing is, as [`file()`] does. `described` says what the file does not say itself.
 ///
-/// **Errors**: as [`file`]; what is said does not fit the file.
+/// **Errors**: as [`file()`]; what is said does not fit the file.
 pub fn file_as(path: &Path, described: &Described, said: Option<&Said>, options: Options) -> Result<Report> {
     if let Some(said) = said {
         let grid = Grid::read(path, described)?;
