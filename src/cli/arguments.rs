@@ -277,3 +277,24 @@ fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
+
+/// Quantities with commas between them; the comma of `min(y,1)` is within brackets and parts nothing.
+#[derive(Debug, Clone, Default)]
+pub struct Channels(pub Vec<String>);
+
+impl std::str::FromStr for Channels {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        let mut open = 0_usize;
+        let parts = text.split(|letter| {
+            match letter {
+                '(' => open += 1,
+                ')' => open = open.saturating_sub(1),
+                _ => {}
+            }
+            letter == ',' && open == 0
+        });
+        Ok(Self(parts.map(str::to_owned).collect()))
+    }
+}

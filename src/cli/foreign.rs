@@ -1,6 +1,6 @@
 //! What a user says of a file that Kiln did not make.
 
-use super::arguments::ModelArgs;
+use super::arguments::{Channels, ModelArgs};
 use clap::Args;
 use kiln::Result;
 use kiln::claim::Said;
@@ -50,8 +50,8 @@ pub struct SaidArgs {
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
     axes: Vec<Axis>,
     /// Its quantities, one per channel; `-` for a channel of which nothing is said
-    #[arg(long, value_name = "QUANTITY", value_delimiter = ',', allow_hyphen_values = true)]
-    channels: Vec<String>,
+    #[arg(long, value_name = "QUANTITY,…", allow_hyphen_values = true)]
+    channels: Option<Channels>,
     /// Values of the parameters that no axis varies, such as eta=1.5
     #[arg(long, value_name = "PARAMETER=NUMBER", value_delimiter = ',')]
     at: Vec<String>,
@@ -64,7 +64,7 @@ impl SaidArgs {
     ///
     /// **Errors**: a value that is none.
     pub fn said(&self) -> Result<Option<Said>> {
-        if self.table.is_none() && self.channels.is_empty() {
+        if self.table.is_none() && self.channels.is_none() {
             if !self.axes.is_empty() || !self.at.is_empty() {
                 return Err(kiln::Error::usage(
                     "axes or values without anything that they are of",
@@ -75,7 +75,7 @@ impl SaidArgs {
         }
         Ok(Some(Said {
             table: self.table.clone(),
-            channels: self.channels.clone(),
+            channels: self.channels.clone().unwrap_or_default().0,
             axes: self.axes.clone(),
             at: Point::try_from(self.at.clone())?,
             model: self.model.model(),

@@ -1,6 +1,6 @@
 //! `kiln table`: one table.
 
-use super::arguments::{EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
+use super::arguments::{Channels, EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
 use clap::Args;
 use kiln::certificate::Certificate;
@@ -52,8 +52,8 @@ pub struct Table {
     #[arg(long)]
     layout: Option<Layout>,
     /// Quantities, one per channel, instead of the table's own: see `kiln list quantities`
-    #[arg(long, value_name = "QUANTITY", value_delimiter = ',')]
-    channels: Vec<String>,
+    #[arg(long, value_name = "QUANTITY,…")]
+    channels: Option<Channels>,
     #[command(flatten)]
     model: ModelArgs,
     #[command(flatten, next_help_heading = "Parameters that no axis varies")]
@@ -85,15 +85,15 @@ impl Table {
                 TableRecipe { format, ..recipe }
             }
             None => {
-                let n_channels = match self.channels.len() {
+                let n_channels = match self.channels.as_ref().map_or(0, |channels| channels.0.len()) {
                     0 => named::find(&self.name)?.channels.len(),
                     n => n,
                 };
                 TableRecipe::named(&self.name, self.format(n_channels)?)?
             }
         };
-        if !self.channels.is_empty() {
-            recipe.channels.clone_from(&self.channels);
+        if let Some(Channels(channels)) = &self.channels {
+            recipe.channels.clone_from(channels);
         }
         recipe.axes = self.axes(&recipe.axes)?;
         recipe.model = self.model.over(recipe.model);
