@@ -63,8 +63,7 @@ impl HalfAngle {
 }
 
 /// Accuracies, coarse to fine: each is computed when first used.
-static LADDER: LazyLock<Vec<Rung>> =
-    LazyLock::new(|| [7.0, 10.0, 14.0, 19.0, 25.0, 32.0, 40.0, 50.0].map(Rung::new).into());
+static LADDER: LazyLock<Vec<Rung>> = LazyLock::new(|| [9.0, 14.0, 19.0, 25.0, 32.0, 40.0, 50.0].map(Rung::new).into());
 
 impl Rung {
     fn new(digits: f64) -> Self {
