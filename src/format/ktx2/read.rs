@@ -1,6 +1,6 @@
 //! Reading KTX2; what is read and what refused stands at the head of the parent module.
 
-use super::{MAGIC, packing_of, primaries::primaries, vk_format};
+use super::{MAGIC, descriptor, packing_of, primaries::primaries, vk_format};
 use crate::error::{Error, Result};
 use crate::format::{Texture, memory};
 use crate::pack::TexelFormat;
@@ -25,6 +25,17 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
         ..Texture::empty(format, header.pixel_width as usize, header.pixel_height as usize)
     };
     texture.primaries = primaries(&header, bytes, &mut texture.metadata)?;
+    let (_, type_size) = descriptor(stored, vk_format(stored)?, texture.primaries)?;
+    // Writers of compressed levels do not agree on it.
+    if !is_zstd && header.type_size != type_size {
+        return Err(Error::invalid(
+            format!(
+                "the KTX2 says that numbers of {} bytes make up its {stored} texels, not of {type_size}",
+                header.type_size
+            ),
+            DAMAGED,
+        ));
+    }
     let index = bytes[Header::LENGTH..].chunks_exact(LevelIndex::LENGTH).take(n_levels);
     if index.len() < n_levels {
         return Err(Error::invalid(format!("the KTX2 ends within the index of its {n_levels} levels"), DAMAGED));
