@@ -2,16 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
-mod support;
-
 use std::f64::consts::{PI, TAU};
 
+use crate::support::kiln::{fail, succeed};
 use glam::DVec3;
 use kiln::environment::zonal::{InstructionSet, Zonal};
 use kiln::environment::{ChainSpec, Cube, Fit, Kernel, KernelKind, Panorama, builtin, specular_chain};
 use kiln::format::{Decoded, ktx2, read};
 use kiln::verify::chain::{Question, Verdict, judge};
-use support::kiln::{fail, succeed};
 
 /// A map that looks like itself from one side only: lamps of three colours, none where another one is.
 fn panorama() -> Panorama {
