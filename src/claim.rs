@@ -244,15 +244,11 @@ impl fmt::Display for Claim {
 
 /// The choices of the model that matter for a table, in brackets: ` (correlated Smith)`.
 pub fn model_words(spec: &TableSpec) -> String {
-    let of = |families: &[&str]| {
-        spec.channels.iter().any(|c| c.quantity.name.split('.').next().is_some_and(|f| families.contains(&f)))
-    };
-    let mut words = vec![];
-    if of(&["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation"]) {
-        words.push(format!("{} Smith", spec.model.smith.name()));
-    }
-    if of(&["charlie"]) {
-        words.push(format!("{} visibility", spec.model.visibility.name()));
+    let mut words: Vec<String> = vec![];
+    for word in spec.channels.iter().flat_map(|channel| spec.model.choices_of(channel.quantity)) {
+        if !words.contains(&word) {
+            words.push(word);
+        }
     }
     if words.is_empty() { String::new() } else { format!(" ({})", words.join(", ")) }
 }

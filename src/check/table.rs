@@ -2,7 +2,8 @@
 
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::error::Result;
-use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
+use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, Settings, quadrature};
+use crate::model::smith::Smith;
 use crate::table::quantity::Handle;
 use crate::table::{Parameter, TableSpec, Trend};
 use rayon::prelude::*;
@@ -20,6 +21,14 @@ pub struct TableValues<'a> {
     pub kinds: &'a [ErrorKind],
     /// What packing may have changed.
     pub precision: Precision,
+}
+
+/// What is compared with is integrated to this part of what a texel may be off by.
+const PART: f64 = 0.25;
+
+/// E of GGX, seen at `mu`.
+fn albedo(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
+    if alpha == 0.0 { Estimate::bound(1.0, 0.0) } else { quadrature::ggx_albedo(mu, alpha, smith, tolerance) }
 }
 
 /// By how much a texel is off, and by how much it may be.
@@ -180,13 +189,9 @@ impl TableValues<'_> {
             .map(|(texel, values)| {
                 let at = self.spec.point(texel);
                 let (mu, alpha) = (at.get(Parameter::Mu).unwrap_or(1.0), at.get(Parameter::Alpha).unwrap_or(0.0));
-                let e = if alpha == 0.0 {
-                    1.0
-                } else {
-                    quadrature::ggx_albedo(mu, alpha, self.spec.model.smith, QUADRATURE_TOLERANCE).value
-                };
                 let tolerance = self.tolerance(scale, values[scale]) + self.tolerance(bias, values[bias]);
-                Deviation { texel, off: values[scale] + values[bias] - e, tolerance: tolerance + QUADRATURE_TOLERANCE }
+                let e = albedo(mu, alpha, self.spec.model.smith, PART * tolerance);
+                Deviation { texel, off: values[scale] + values[bias] - e.value, tolerance: tolerance + e.error }
             })
             .collect();
         self.worst("scale + bias = E", scale, deviations.into_iter())
@@ -209,20 +214,15 @@ impl TableValues<'_> {
             .map(|j| {
                 let texel = |i: usize| if mu_first { j * mu_axis.size + i } else { i * other.size + j };
                 let (mut sum, mut tolerance) = (0.0, 0.0);
-                for pair in order.windows(2) {
-                    for (mu, i) in pair {
-                        let at = self.spec.point(texel(*i));
-                        let alpha = at.get(Parameter::Alpha).unwrap_or(0.0);
-                        let exact = if alpha == 0.0 {
-                            1.0
-                        } else {
-                            quadrature::ggx_albedo(*mu, alpha, self.spec.model.smith, 1e-9).value
-                        };
-                        let value = self.values[texel(*i) * n + channel];
-                        let weight = mu * (pair[1].0 - pair[0].0);
-                        sum += weight * (value - exact);
-                        tolerance += weight * (self.tolerance(channel, exact) + 1e-9);
-                    }
+                for (place, (mu, i)) in order.iter().enumerate() {
+                    let alpha = self.spec.point(texel(*i)).get(Parameter::Alpha).unwrap_or(0.0);
+                    let value = self.values[texel(*i) * n + channel];
+                    let exact = albedo(*mu, alpha, self.spec.model.smith, PART * self.tolerance(channel, value));
+                    // Of the trapezoids on either side.
+                    let (before, after) = (order[place.saturating_sub(1)].0, order[(place + 1).min(order.len() - 1)].0);
+                    let weight = mu * (after - before);
+                    sum += weight * (value - exact.value);
+                    tolerance += weight * (self.tolerance(channel, exact.value) + exact.error);
                 }
                 Deviation { texel: texel(0), off: sum, tolerance }
             })
@@ -247,12 +247,15 @@ impl TableValues<'_> {
         let seed = seed ^ 0xA5A5_5A5A_C3C3_3C3C;
         let settings = Settings { integrator: Integrator::MonteCarlo, seed, ..Settings::default() };
         let n = self.spec.len();
-        let texels: Vec<usize> =
+        let mut texels: Vec<usize> =
             if full { (0..n).collect() } else { weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect() };
+        // A small table has fewer.
+        texels.sort_unstable();
+        texels.dedup();
         let name = if full {
             "Monte Carlo at every texel".to_owned()
         } else {
-            format!("Monte Carlo at {WITNESS_POINTS} texels")
+            format!("Monte Carlo at {} texels", texels.len())
         };
         // A closed form cannot bear witness to itself.
         self.compare(&name, &Integration::new(settings)?, &texels, |h| !h.family.is_pointwise() && wanted(h))

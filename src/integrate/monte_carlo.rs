@@ -108,6 +108,7 @@ fn block_range(doubling: usize) -> (u64, u64) {
 /// A lobe of width alpha hides what it loses (its tail below the horizon, the shadowed part) in a region of its sampling square
 /// of measure alpha² or so. Points that are even in that square never see it, and their standard error does not know. Half of
 /// the points spent on the logarithm of the distance to the region's rim see it at any alpha; the weight stays below 2.
+#[inline]
 pub fn defensive_tail(t: f64, smallest: f64) -> (f64, f64) {
     let ratio = (1.0 / smallest).ln_1p(); // ln((1 + s)/s)
     let v = if t < 0.5 { 2.0 * t } else { smallest * ((2.0 * t - 1.0) * ratio).exp_m1() };

@@ -25,25 +25,30 @@ impl Rule {
 
     /// Σ w p(x) and Σ w p(x) f(x) of a density p and `K` functions f: four sums side by side, which processors compute together
     /// where there are no branches.
+    #[inline]
     pub fn moments<const K: usize>(&self, density_and_functions: impl Fn(f64) -> (f64, [f64; K])) -> (f64, [f64; K]) {
         let (mut whole, mut sums) = ([0.0; LANES], [[0.0; LANES]; K]);
         let ((nodes, last_nodes), (weights, last_weights)) =
             (self.nodes.as_chunks::<LANES>(), self.weights.as_chunks::<LANES>());
-        for (nodes, weights) in nodes.iter().zip(weights) {
-            let values = nodes.map(&density_and_functions);
+        // The rest is filled up with nodes of no weight, so that the functions are called, and compiled, in one place.
+        let last = (!last_nodes.is_empty()).then(|| {
+            let (mut nodes, mut weights) = ([last_nodes[0]; LANES], [0.0; LANES]);
+            nodes[..last_nodes.len()].copy_from_slice(last_nodes);
+            weights[..last_weights.len()].copy_from_slice(last_weights);
+            (nodes, weights)
+        });
+        let full = nodes.iter().copied().zip(weights.iter().copied());
+        for (nodes, weights) in full.chain(last) {
+            let (mut densities, mut functions) = ([0.0; LANES], [[0.0; K]; LANES]);
             for lane in 0..LANES {
-                let weight = weights[lane] * values[lane].0;
+                (densities[lane], functions[lane]) = density_and_functions(nodes[lane]);
+            }
+            for lane in 0..LANES {
+                let weight = weights[lane] * densities[lane];
                 whole[lane] += weight;
-                for (sum, value) in sums.iter_mut().zip(values[lane].1) {
+                for (sum, value) in sums.iter_mut().zip(functions[lane]) {
                     sum[lane] += weight * value;
                 }
-            }
-        }
-        for (lane, (x, w)) in last_nodes.iter().zip(last_weights).enumerate() {
-            let (density, functions) = density_and_functions(*x);
-            whole[lane] += w * density;
-            for (sum, value) in sums.iter_mut().zip(functions) {
-                sum[lane] += w * density * value;
             }
         }
         (whole.iter().sum(), sums.map(|lanes| lanes.iter().sum()))
@@ -127,11 +132,13 @@ impl GradedRules {
     }
 
     /// The accuracy that the rules are made for: errors of about e^(−digits).
+    #[inline]
     pub fn digits(&self) -> f64 {
         self.digits
     }
 
     /// The rule for singularities at distance `scale` (in parts of the interval) from the end 0.
+    #[inline]
     pub fn at_scale(&self, scale: f64) -> &Rule {
         let step = step_of_scale(scale);
         let rule = self.rules[step].get_or_init(|| {
@@ -174,6 +181,7 @@ pub(crate) mod nodes_asked_for {
 const STEPS: usize = (LONGEST / LENGTH_STEP) as usize;
 
 /// The smallest step, from 1 on, whose length is asinh(1/scale) at least; the last one for NaN and for all that is smaller.
+#[inline]
 fn step_of_scale(scale: f64) -> usize {
     // sinh of each step's length, ascending: looking it up is cheaper than asinh.
     static REACH: LazyLock<[f64; STEPS + 1]> =

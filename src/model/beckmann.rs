@@ -30,6 +30,7 @@ impl Beckmann {
     }
 
     /// ℓ = μ (1 + 2Λ) at the cosine `mu`.
+    #[inline]
     pub fn l(&self, mu: f64) -> f64 {
         let width = self.alpha * sine_of_cosine(mu);
         let a = mu / width; // infinite at normal incidence, where ℓ is μ

@@ -41,6 +41,7 @@ impl Visibility {
     }
 
     /// V μi, which is finite for every μi ≥ 0 as long as μo > 0.
+    #[inline]
     pub fn times_cosine(self, alpha: f64, mu_o: f64, mu_i: f64) -> f64 {
         match self {
             Self::Neubelt if mu_o == 0.0 => 0.25,

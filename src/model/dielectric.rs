@@ -12,6 +12,7 @@ use crate::math::frame::reflect;
 use glam::DVec3;
 
 /// The reflectance of a smooth interface for unpolarised light at the cosine `mu` ≥ 0; 1 beyond the critical angle.
+#[inline]
 pub fn reflectance(mu: f64, eta: f64) -> f64 {
     match refracted_cosine(mu, eta) {
         None => 1.0,
@@ -25,7 +26,18 @@ pub fn reflectance(mu: f64, eta: f64) -> f64 {
     }
 }
 
+/// [`reflectance`] from the thinner side, for many angles: `eta` above 1 and finite, and no branch.
+#[inline]
+pub fn reflectance_outside(mu: f64, eta: f64) -> f64 {
+    let step = (eta - 1.0) * (eta + 1.0);
+    let refracted = (step + mu * mu).sqrt(); // eta times the cosine
+    let (perpendicular, facing) = (step / ((mu + refracted) * (mu + refracted)), eta * eta * mu);
+    let parallel = (facing - refracted) / (facing + refracted);
+    0.5 * (perpendicular * perpendicular + parallel * parallel)
+}
+
 /// One minus the reflectance, from the cosines on both sides, without cancellation at grazing angles.
+#[inline]
 pub fn transmittance(mu: f64, mu_t: f64, eta: f64) -> f64 {
     let product = 2.0 * mu * eta * mu_t;
     product / (mu + eta * mu_t).powi(2) + product / (eta * mu + mu_t).powi(2)
@@ -33,6 +45,7 @@ pub fn transmittance(mu: f64, mu_t: f64, eta: f64) -> f64 {
 
 /// The cosine of the refracted direction by Snell's law; `None` where all is reflected: beyond the critical angle, and at the
 /// limits of the index, 0 and infinity.
+#[inline]
 pub fn refracted_cosine(mu: f64, eta: f64) -> Option<f64> {
     if eta == 0.0 || eta == f64::INFINITY {
         return None;
@@ -111,6 +124,7 @@ impl Dielectric {
 
     /// What one visible normal sends up and down, as parts of what comes in: the integrands of reflectance and transmittance
     /// over their density.
+    #[inline]
     pub fn scattered_by(&self, wo: DVec3, h: DVec3) -> Option<[f64; 2]> {
         let (smith, l_o, cosine) = (self.facets.smith, self.facets.l(wo), wo.dot(h));
         let f = reflectance(cosine.clamp(0.0, 1.0), self.eta); // outside by rounding only: the normal is visible

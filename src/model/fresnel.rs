@@ -19,6 +19,7 @@ use crate::math::exact::difference_of_squares;
 ///
 /// **Source**: Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", eq. 15 (as quoted by every
 /// engine that uses the split sum; `mu` is the cosine to the microfacet normal).
+#[inline]
 pub fn schlick_weight(mu: f64) -> f64 {
     let x = 1.0 - mu;
     let x2 = x * x;
@@ -50,6 +51,7 @@ pub fn f82_tint(f0: f64, f82: f64, mu: f64) -> f64 {
 }
 
 /// mu (1 − mu)⁶, the shape of the dip that [`f82_tint`] takes from Schlick's reflectance; largest at [`MU_82`].
+#[inline]
 pub fn f82_dip(mu: f64) -> f64 {
     mu * (1.0 - mu) * schlick_weight(mu)
 }
@@ -100,26 +102,56 @@ pub fn dielectric(mu: f64, eta: f64) -> f64 {
 
 /// The reflectance of unpolarised light at a conductor of complex index n + ik relative to the medium of incidence.
 pub fn conductor(mu: f64, n: f64, k: f64) -> f64 {
-    // m² − 1 and w = √(m² − 1 + μ²), whose real part is positive: the transmitted wave fades into the conductor.
-    let (step_re, im) = (difference_of_squares(&[n], &[1.0, k]), 2.0 * n * k);
-    let step = step_re.hypot(im);
-    if step == 0.0 {
-        return 0.0;
-    }
+    let interface = Conductor::new(n, k);
     let re = difference_of_squares(&[n, mu], &[1.0, k]);
-    let larger = (0.5 * (re.hypot(im) + re.abs())).sqrt();
-    let smaller = if larger > 0.0 { 0.5 * im / larger } else { 0.0 };
-    let (a, b) = if re >= 0.0 { (larger, smaller) } else { (smaller, larger) };
-    let norm2 = |re: f64, im: f64| re * re + im * im;
-    let (m2_re, m2_im) = (step_re + 1.0, im);
-    let perpendicular = (step / norm2(mu + a, b)).powi(2);
-    let denominator = norm2(m2_re * mu + a, m2_im * mu + b);
-    let parallel = if step < CANCELS {
-        norm2(brewster(mu, m2_re), m2_im * mu * mu) * (step / denominator).powi(2)
-    } else {
-        norm2(m2_re * mu - a, m2_im * mu - b) / denominator
-    };
-    0.5 * (perpendicular + parallel)
+    interface.with_root(mu, re, re.hypot(interface.im))
+}
+
+/// A conductor's interface, for many angles.
+#[derive(Debug, Clone, Copy)]
+pub struct Conductor {
+    /// The real and imaginary part of m² − 1, with m = n + ik, and its absolute value.
+    re: f64,
+    im: f64,
+    step: f64,
+}
+
+impl Conductor {
+    /// Of complex index n + ik relative to the medium of incidence.
+    pub fn new(n: f64, k: f64) -> Self {
+        let (re, im) = (difference_of_squares(&[n], &[1.0, k]), 2.0 * n * k);
+        Self { re, im, step: re.hypot(im) }
+    }
+
+    /// [`conductor`] to within a rounding of `mu`, which is what an integrand needs: it differs where k is 0, at the critical angle.
+    #[inline]
+    pub fn reflectance(&self, mu: f64) -> f64 {
+        let re = self.re + mu * mu;
+        self.with_root(mu, re, (re * re + self.im * self.im).sqrt())
+    }
+
+    /// With w² = m² − 1 + μ², of which the real part and the absolute value are given.
+    #[inline]
+    fn with_root(&self, mu: f64, re: f64, modulus: f64) -> f64 {
+        let &Self { re: step_re, im, step } = self;
+        if step == 0.0 {
+            return 0.0;
+        }
+        // w, whose real part is positive: the transmitted wave fades into the conductor.
+        let larger = (0.5 * (modulus + re.abs())).sqrt();
+        let smaller = if larger > 0.0 { 0.5 * im / larger } else { 0.0 };
+        let (a, b) = if re >= 0.0 { (larger, smaller) } else { (smaller, larger) };
+        let norm2 = |re: f64, im: f64| re * re + im * im;
+        let (m2_re, m2_im) = (step_re + 1.0, im);
+        let perpendicular = (step / norm2(mu + a, b)).powi(2);
+        let denominator = norm2(m2_re * mu + a, m2_im * mu + b);
+        let parallel = if step < CANCELS {
+            norm2(brewster(mu, m2_re), m2_im * mu * mu) * (step / denominator).powi(2)
+        } else {
+            norm2(m2_re * mu - a, m2_im * mu - b) / denominator
+        };
+        0.5 * (perpendicular + parallel)
+    }
 }
 
 /// The reflectance at normal incidence of relative index `eta`: ((η − 1)/(η + 1))².

@@ -32,6 +32,7 @@ impl Ggx {
     }
 
     /// Density of microfacet normals about the unit normal `m`, in 1/sr.
+    #[inline]
     pub fn d(&self, m: DVec3) -> f64 {
         let stretched = DVec3::new(m.x / self.alpha_x, m.y / self.alpha_y, m.z);
         FRAC_1_PI / (self.alpha_x * self.alpha_y * stretched.length_squared().powi(2))
@@ -39,6 +40,7 @@ impl Ggx {
 
     /// Draws a visible microfacet normal, of density G1(wo) D(m) (wo·m)/cosθ_o: the sum of the squeezed `wo` and a point of the
     /// spherical cap that it can see. `None` below the horizon, or where rounding leaves no direction.
+    #[inline]
     pub fn sample_visible_normal(&self, wo: DVec3, u: [f64; 2]) -> Option<DVec3> {
         if wo.z < 0.0 {
             return None;
@@ -55,6 +57,7 @@ impl Ggx {
     }
 
     /// f cosθ_i over the density of reflecting at a visible normal `m`, in cancelled form: G2/G1; 0 below the horizon.
+    #[inline]
     pub fn weight(&self, wo: DVec3, m: DVec3) -> f64 {
         let wi = reflect(wo, m);
         if wi.z <= 0.0 {
@@ -65,15 +68,18 @@ impl Ggx {
     }
 
     /// ℓ(w): the length of `w` squeezed by the widths.
+    #[inline]
     pub fn l(&self, w: DVec3) -> f64 {
         self.squeeze(w).length()
     }
 
     /// V from the cosine and ℓ of both directions; approximations that know one width only take the geometric mean.
+    #[inline]
     fn visibility(&self, o: (f64, f64), i: (f64, f64)) -> f64 {
         self.smith.visibility((self.alpha_x * self.alpha_y).sqrt(), o, i)
     }
 
+    #[inline]
     fn squeeze(&self, w: DVec3) -> DVec3 {
         DVec3::new(self.alpha_x * w.x, self.alpha_y * w.y, w.z)
     }
@@ -88,6 +94,7 @@ impl Lobe for Ggx {
         self.d(m) * self.visibility((wo.z, self.l(wo)), (wi.z, self.l(wi)))
     }
 
+    #[inline]
     fn sample(&self, wo: DVec3, u: [f64; 2]) -> Option<Sample> {
         let m = self.sample_visible_normal(wo, u)?;
         let wi = reflect(wo, m);

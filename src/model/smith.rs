@@ -50,6 +50,7 @@ impl Smith {
     }
 
     /// V = G2/(4 μo μi) from the width and the cosines and ℓ of both directions, in cancelled form.
+    #[inline]
     pub fn visibility(self, alpha: f64, (mu_o, l_o): (f64, f64), (mu_i, l_i): (f64, f64)) -> f64 {
         match self {
             Self::Correlated | Self::Beta => 0.5 / (mu_o * l_i + mu_i * l_o),
@@ -64,6 +65,7 @@ impl Smith {
 
     /// G2/μo of light that goes through to the cosine `mu_t` > 0 on the other side, from the cosines and ℓ, in cancelled form;
     /// `None` for the approximations, which are made for reflection.
+    #[inline]
     pub fn through(self, (mu_o, l_o): (f64, f64), (mu_t, l_t): (f64, f64)) -> Option<f64> {
         match self {
             Self::SchlickIbl | Self::SchlickDirect | Self::ApproxCorrelated => None,
@@ -91,6 +93,7 @@ impl Smith {
     }
 
     /// Schlick's k; the width of a GGX lobe stands for it where there is one.
+    #[inline]
     fn schlick_k(self, alpha: f64) -> f64 {
         match self {
             Self::SchlickDirect => (alpha.sqrt() + 1.0).powi(2) / 8.0,

@@ -7,7 +7,7 @@ use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::direction_with_cosine;
 use crate::model::Lobe;
-use crate::model::fresnel::conductor;
+use crate::model::fresnel::{self, conductor};
 use crate::model::ggx::Ggx;
 
 /// Whether F is smooth on [0, 1]: its branch point, μ² = 1 − (n + ik)², is not near. Metals are; what comes near is an index below 1
@@ -53,8 +53,9 @@ impl Family for Conductor {
         if alpha == 0.0 {
             return Ok(vec![Estimate::bound(conductor(mu, n, k), 64.0 * f64::EPSILON)]);
         }
+        let interface = fresnel::Conductor::new(n, k);
         let reflected = |tolerance| {
-            let fresnel = |cosine| [conductor(cosine, n, k)];
+            let fresnel = |cosine| [interface.reflectance(cosine)];
             let [estimate] = quadrature::ggx_reflection(mu, alpha, model.smith, tolerance, fresnel);
             estimate
         };
@@ -74,11 +75,12 @@ impl Family for Conductor {
             return Ok(vec![Estimate::sigma(conductor(mu, n, k), 0.0)]);
         }
         let (lobe, wo) = (Ggx::isotropic(alpha, model.smith), direction_with_cosine(mu));
+        let interface = fresnel::Conductor::new(n, k);
         let (estimates, _) = integration.points2.integrate(integration.stop(), |[u, t]| {
             let (v, stretch) = defensive_tail(t, TAIL * alpha * alpha);
             let reflected = lobe.sample(wo, [u, v]).map_or(0.0, |s| {
                 let cosine = (0.5 * (wo + s.wi).length()).min(1.0); // at most 1 but for rounding
-                conductor(cosine, n, k) * s.weight
+                interface.reflectance(cosine) * s.weight
             });
             [reflected * stretch]
         });

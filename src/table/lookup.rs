@@ -1,5 +1,6 @@
 //! What a shader sees: the error of a table through bilinear filtering.
 
+use super::axis::Axis;
 use super::bake::{Evaluator, TableSpec};
 use super::quantity::Point;
 use crate::error::{Error, Result};
@@ -9,7 +10,8 @@ use serde::{Deserialize, Serialize};
 
 /// The error of one channel, looked up with bilinear filtering and clamped coordinates, over a dense grid of the whole domain.
 ///
-/// The figures are right to within 1e-5, to which the truth is integrated; where only Monte Carlo knows it, to within its error.
+/// The figures are right to within 1e-5, or a thousandth of the largest error where that is more; where only Monte Carlo knows the truth,
+/// to within its error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LookupError {
     /// The quantity.
@@ -27,8 +29,13 @@ pub struct LookupError {
 const MOST_CELLS: [usize; 3] = [64, 64, 16];
 /// Positions in the outermost cells, in parts of a cell: that is where linear interpolation fails.
 const OUTER: [f64; 5] = [0.08, 0.25, 0.5, 0.75, 0.92];
-/// Error at most of the truth that the lookup is compared with, and so of the figures found: lookups are off by 1e-4 and more.
+/// What the truth is integrated to at first: to what the coarsest rules promise, which are far better than that.
+const COARSE: f64 = 1e-2;
+/// What it is integrated to where a channel is off by most, and at one place of so many, which is no multiple of a row's usual length.
 const TRUTH: f64 = 1e-5;
+const CONFIRMED: usize = 19;
+/// By how much the two may differ, in parts of the largest error, where that is more than [`TRUTH`].
+const DIGITS: f64 = 1e-3;
 /// Samples of the truth where only Monte Carlo knows it: enough for 1e-3 or better.
 const TRUTH_SAMPLES: u64 = 4096;
 
@@ -53,54 +60,75 @@ fn positions(size: usize, first: f64, last: f64, n_axes: usize) -> Vec<f64> {
 ///
 /// **Errors**: those of the deterministic integrator, which is the truth here.
 pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError>> {
-    let truth = Truth::new(spec)?;
-    let per_axis: Vec<Vec<f64>> = spec
-        .axes
+    let (positions, fine) = (grid(spec), Truth::new(spec)?);
+    let mut places = look(spec, texels, positions, &Truth::within(spec, COARSE)?)?;
+    let n = spec.channels.len();
+    // The coarse truth is believed where a fine one agrees with it, and that is looked at where it matters most, too.
+    let worst: Vec<usize> = (0..n).map(|c| worst(&places, c)).collect();
+    let limits: Vec<f64> = worst
         .iter()
-        .map(|a| {
-            // The ends of the range: half a texel outside the outermost centres, or the outermost texels themselves.
-            let (low, high) = a.ends();
-            let (p, q) = (a.position(low), a.position(high));
-            positions(a.size, p.min(q), p.max(q), spec.axes.len())
-        })
+        .enumerate()
+        .map(|(c, &i)| places.get(i).map_or(0.0, |p| DIGITS * p.errors[c].abs()).max(TRUTH))
         .collect();
-    let channels = spec.channels.len();
-    let n_rows = per_axis[1..].iter().map(Vec::len).product();
-    let rows: Vec<Vec<(Vec<f64>, Point)>> = (0..n_rows)
-        .into_par_iter()
-        .map(|row| {
-            per_axis[0]
-                .iter()
-                .map(|&x| {
-                    let (mut rest, mut position) = (row, vec![x]);
-                    for axis in &per_axis[1..] {
-                        position.push(axis[rest % axis.len()]);
-                        rest /= axis.len();
-                    }
-                    let at = parameters(spec, &position);
-                    let seen =
-                        linear(texels, &spec.axes.iter().map(|a| a.size).collect::<Vec<_>>(), channels, &position);
-                    let exact = truth.at(&at)?;
-                    Ok(exact.map(|exact| (exact.iter().zip(seen).map(|(e, seen)| seen - e).collect(), at)))
-                })
-                .filter_map(Result::transpose)
-                .collect::<Result<_>>()
-        })
-        .collect::<Result<_>>()?;
-    Ok((0..channels)
-        .map(|c| {
-            let (mut max, mut squares, mut n, mut worst_at) = (0.0_f64, 0.0, 0.0, Point::default());
-            for (errors, place) in rows.iter().flatten() {
-                squares += errors[c] * errors[c];
-                n += 1.0;
-                if errors[c].abs() > max || worst_at.is_empty() {
-                    (max, worst_at) = (errors[c].abs(), *place);
-                }
-            }
-            let channel = spec.channels[c].label();
-            LookupError { channel, max, rms: (squares / f64::max(n, 1.0)).sqrt(), worst_at }
-        })
-        .collect())
+    let again: Vec<usize> = (0..places.len()).filter(|i| i % CONFIRMED == 0 || worst.contains(i)).collect();
+    let positions = again.iter().map(|&i| places[i].position.clone()).collect();
+    let confirmed = look(spec, texels, positions, &fine)?;
+    let agree = |coarse: &Place, fine: &Place| (0..n).all(|c| (coarse.errors[c] - fine.errors[c]).abs() <= limits[c]);
+    if again.len() == confirmed.len() && again.iter().zip(&confirmed).all(|(&i, fine)| agree(&places[i], fine)) {
+        again.into_iter().zip(confirmed).for_each(|(i, fine)| places[i] = fine);
+    } else {
+        let positions = places.into_iter().map(|place| place.position).collect();
+        places = look(spec, texels, positions, &fine)?;
+    }
+    Ok((0..n).map(|c| summary(spec, &places, c)).collect())
+}
+
+/// A place between the texels, in texels along each axis, and the lookup of every channel less its truth.
+struct Place {
+    position: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+/// The positions of the dense grid, the first axis fastest.
+fn grid(spec: &TableSpec) -> Vec<Vec<f64>> {
+    let along = |axis: &Axis| {
+        // The ends of the range: half a texel outside the outermost centres, or the outermost texels themselves.
+        let (low, high) = axis.ends();
+        let (p, q) = (axis.position(low), axis.position(high));
+        positions(axis.size, p.min(q), p.max(q), spec.axes.len())
+    };
+    spec.axes.iter().rev().map(along).fold(vec![vec![]], |slower, along| {
+        let with = |rest: &Vec<f64>| along.iter().map(|&p| [&[p], rest.as_slice()].concat()).collect::<Vec<_>>();
+        slower.iter().flat_map(with).collect()
+    })
+}
+
+/// The places at those positions, but for those where a quantity diverges.
+fn look(spec: &TableSpec, texels: &[f32], positions: Vec<Vec<f64>>, truth: &Truth) -> Result<Vec<Place>> {
+    let sizes: Vec<usize> = spec.axes.iter().map(|axis| axis.size).collect();
+    let place = |position: Vec<f64>| {
+        let Some(exact) = truth.at(&parameters(spec, &position))? else { return Ok(None) };
+        let seen = linear(texels, &sizes, spec.channels.len(), &position);
+        Ok(Some(Place { errors: seen.into_iter().zip(exact).map(|(seen, exact)| seen - exact).collect(), position }))
+    };
+    positions.into_par_iter().map(place).filter_map(Result::transpose).collect()
+}
+
+/// Where a channel is off by most.
+fn worst(places: &[Place], channel: usize) -> usize {
+    let off = |i: usize| places[i].errors[channel].abs();
+    (1..places.len()).fold(0, |worst, i| if off(i) > off(worst) { i } else { worst })
+}
+
+fn summary(spec: &TableSpec, places: &[Place], channel: usize) -> LookupError {
+    let squares: f64 = places.iter().map(|place| place.errors[channel] * place.errors[channel]).sum();
+    let worst = places.get(worst(places, channel));
+    LookupError {
+        channel: spec.channels[channel].label(),
+        max: worst.map_or(0.0, |place| place.errors[channel].abs()),
+        rms: (squares / f64::max(places.len() as f64, 1.0)).sqrt(),
+        worst_at: worst.map_or(Point::default(), |place| parameters(spec, &place.position)),
+    }
 }
 
 /// What the quantities of a table are, anywhere.
@@ -113,7 +141,11 @@ pub(super) struct Truth {
 
 impl Truth {
     pub(super) fn new(spec: &TableSpec) -> Result<Self> {
-        let by_tolerance = Integration::new(Settings { tolerance: Some(TRUTH), ..Settings::default() })?;
+        Self::within(spec, TRUTH)
+    }
+
+    fn within(spec: &TableSpec, tolerance: f64) -> Result<Self> {
+        let by_tolerance = Integration::new(Settings { tolerance: Some(tolerance), ..Settings::default() })?;
         let by_samples = Integration::new(Settings { samples: Some(TRUTH_SAMPLES), ..Settings::default() })?;
         Ok(Self {
             smooth: (spec.evaluator_of(|h| h.family.has_quadrature()), by_tolerance),

@@ -4,6 +4,7 @@ use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, texel_digest};
 use crate::certificate::Certificate;
 use crate::check::{Check, MOST_BLOCK_ERROR, Precision, TableValues};
+use crate::claim::model_words;
 use crate::error::{Error, Result};
 use crate::format::{Container, Texture, raw};
 use crate::integrate::Integration;
@@ -50,13 +51,8 @@ pub(super) fn verify(
     }
     let axes: Vec<String> = recipe.axes.iter().map(ToString::to_string).collect();
     let fixed = if recipe.at.is_empty() { String::new() } else { format!(" at {}", recipe.at) };
-    let claim = format!(
-        "table of {} over {}{} ({} Smith)",
-        recipe.channels.join(", "),
-        axes.join(" × "),
-        fixed,
-        recipe.model.smith.name()
-    );
+    let choices = model_words(&spec);
+    let claim = format!("table of {} over {}{fixed}{choices}", recipe.channels.join(", "), axes.join(" × "));
     Ok(Report { file: path.to_owned(), claim, checks, skipped: vec![], ..Report::default() })
 }
 

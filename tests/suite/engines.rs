@@ -13,7 +13,7 @@ use kiln::verify::{self, Options};
 use std::path::Path;
 
 /// Small enough to be baked in a moment, large enough for every layout.
-const AXIS: usize = 6;
+const AXIS: usize = 4;
 const CUBE: usize = 16;
 
 /// The preset with small tables and cubes.

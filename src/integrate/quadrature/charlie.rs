@@ -29,18 +29,28 @@ pub fn charlie_albedo(mu: f64, lobe: &Charlie, tolerance: f64) -> Estimate {
 /// 2 ∫ E(mu) mu dmu: the average albedo.
 pub fn charlie_albedo_average(lobe: &Charlie, tolerance: f64) -> Estimate {
     climb_with(TRUST, tolerance, |rung| {
-        let rule = rung.doubled.at_scale(2.0 * AVERAGE_SCALE);
         let flux = |mu: f64| mu * albedo_on(mu, lobe, rung);
-        // mu = x/2 below the seam of the fitted Λ, mu = 1 − x/2 above it.
-        let average = rule.integrate(|x| flux(0.5 * x) + flux(1.0 - 0.5 * x));
+        let average = if lobe.visibility == Visibility::Neubelt {
+            // E is smooth up to normal incidence, and has a logarithm of mu/√alpha, on whose scale it fades, at the horizon.
+            2.0 * rung.doubled.at_scale(lobe.alpha.sqrt() * accuracy(rung, HORIZON)).integrate(flux)
+        } else {
+            // mu = x/2 below the seam of the fitted Λ, mu = 1 − x/2 above it.
+            let rule = rung.doubled.at_scale(2.0 * AVERAGE_SCALE);
+            rule.integrate(|x| flux(0.5 * x) + flux(1.0 - 0.5 * x))
+        };
         Sum { values: [average], defect: 0.0 }
     })[0]
+}
+
+/// A power of what the rung is accurate to: how near a seam that hides behind it must be resolved.
+fn accuracy(rung: &Rung, power: f64) -> f64 {
+    (-rung.rules.digits() * power).exp()
 }
 
 /// Rules of twice the digits on both floors leave more than one rung to spare.
 const TRUST: Trust = Trust { safety: 4.0, lead: 8.0 };
 
-/// How near the ends the average must resolve mu·E.
+/// How near the ends the average must resolve mu·E, where powers of the cosine make up Λ.
 const AVERAGE_SCALE: f64 = 1e-7;
 /// How near a seam the elevation must be resolved, as the power of the rung's accuracy: at the horizon, where J has a branch point
 /// of second order when wo grazes it, …
@@ -61,7 +71,7 @@ fn albedo_on(mu: f64, lobe: &Charlie, rung: &Rung) -> f64 {
     let (sin_o, cos_o) = (mu, sine_of_cosine(mu));
     let n = 1.0 / lobe.alpha;
     let digits = rung.rules.digits();
-    let accuracy = |power: f64| (-digits * power).exp();
+    let accuracy = |power: f64| accuracy(rung, power);
     // D is worth something where its exponent is above −cut.
     let cut = digits + CUT + (2.0 + n).ln();
     let highest = (-(-2.0 * cut / n).exp_m1()).sqrt(); // C
@@ -141,16 +151,15 @@ impl Ring {
         }
         let faded = -(ln_most - left).exp_m1();
         let end2 = cos2 * (1.0 - c2 / faded) / b;
-        let rules = &rung.doubled;
         if end2 < NARROW {
             let end = 2.0 * end2.max(0.0).sqrt().asin();
-            let rule = rules.at_scale(2.0 / (0.5 * n * left).sqrt());
+            let rule = rung.doubled.at_scale(2.0 / (0.5 * n * left).sqrt());
             return 2.0 * end * rule.integrate(|x| power(cos2 - b * (0.5 * end * x).sin().powi(2)));
         }
         // In y: the branch point, the scale below which its order hides it, and where D fades.
         let order = c2 / b * (-2.0 * rung.rules.digits() / (n + 1.0)).exp();
         let nearest = (c2 * sin2 / b).max(order).max(1.0 - end2).min(1.0);
         let scale = 2.0 * nearest.sqrt().asinh() / PI;
-        TAU * rules.at_scale(scale).integrate(|x| power(c2 + b * (FRAC_PI_2 * x).sin().powi(2)))
+        TAU * rung.doubled_circle.at_scale(scale).integrate(|y| power(c2 + b * y))
     }
 }

@@ -18,7 +18,7 @@ use super::ggx::{albedo_on, reflection_on};
 use super::{Rung, Sum, Trust, climb_with, near_pole};
 use crate::integrate::Estimate;
 use crate::math::frame::{direction_with_cosine, elevation};
-use crate::model::dielectric::{Dielectric, reflectance, refracted_cosine, transmittance};
+use crate::model::dielectric::{Dielectric, reflectance_outside, refracted_cosine, transmittance};
 use crate::model::smith::Smith;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -63,15 +63,19 @@ struct Cone {
     nearest: f64,
     /// B = sinθ_o sinβ.
     b: f64,
+    /// The cosine of the angle of refraction.
+    cos_t: f64,
 }
 
 fn scattering_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 2] {
     let (e_o, eta, facets) = (elevation(mu), interface.eta, &interface.facets);
     let (alpha, smith) = (facets.alpha_x, facets.smith);
     let view = View { mu, l: facets.l(direction_with_cosine(mu)), theta_o: FRAC_PI_2 - e_o, interface, rung };
-    let up = if eta >= 1.0 {
+    let up = if eta == 1.0 {
+        0.0
+    } else if eta > 1.0 {
         // Fresnel's root is at (wo·h)² = 1 − η², further from the circle than where wo·h has its own.
-        reflection_on(mu, alpha, smith, rung, |cosine| [reflectance(cosine, eta)]).values[0]
+        reflection_on(mu, alpha, smith, rung, |cosine| [reflectance_outside(cosine, eta)]).values[0]
     } else {
         // What total reflection returns is all but what it does not.
         let highest = 0.5 * e_o + view.theta_o;
@@ -126,7 +130,8 @@ impl View<'_> {
         });
         // Beyond the critical angle, on the other sheet of its root, stands the pole of r∥: at cosβ_t = −η cosβ.
         let eta = self.interface.eta;
-        let pole = if end == eta.asin() {
+        let critical = eta.min(1.0).asin();
+        let pole = if eta < 1.0 && end == critical {
             eta.powi(3) / (2.0 * ((1.0 - eta) * (1.0 + eta)).sqrt() * (1.0 + eta * eta))
         } else {
             FAR
@@ -150,32 +155,44 @@ impl View<'_> {
                     let (sin, cos) = beta.sin_cos();
                     let (sin_d, cos_d) = d.sin_cos();
                     let b = (1.0 - self.mu * self.mu).max(0.0).sqrt() * sin;
-                    sum +=
-                        half * weight * f(&Cone { cos, sin, sin_d, cos_d, nearest: 2.0 * (0.5 * d).sin().powi(2), b });
+                    let nearest = 2.0 * (0.5 * d).sin().powi(2);
+                    let Some(cos_t) = self.refracted(cos, beta, (critical - from) - t) else { continue };
+                    sum += half * weight * f(&Cone { cos, sin, sin_d, cos_d, nearest, b, cos_t });
                 }
             }
         }
         sum
     }
 
+    /// cosβ_t, so far `before` the critical angle; nothing beyond it.
+    fn refracted(&self, cos: f64, beta: f64, before: f64) -> Option<f64> {
+        let eta = self.interface.eta;
+        if eta >= 1.0 {
+            return refracted_cosine(cos, eta);
+        }
+        // η² − sin²β, of which the factor η − sinβ cancels in the cosines where the critical angle is small.
+        let half = 0.5 * before;
+        let less = 2.0 * (beta + half).cos() * half.sin();
+        (less >= 0.0).then(|| (less * (2.0 * eta - less)).sqrt() / eta)
+    }
+
     /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, of light that would be reflected: what total reflection has and this has not.
     fn lost(&self, cone: &Cone) -> f64 {
-        let Some(cos_t) = refracted_cosine(cone.cos, self.interface.eta) else { return 0.0 };
         // cos(β + d)
         let highest = cone.cos * cone.cos_d - cone.sin * cone.sin_d;
         let slope = 4.0 * cone.b * cone.cos;
         let facets = &self.interface.facets;
-        transmittance(cone.cos, cos_t, self.interface.eta)
+        transmittance(cone.cos, cone.cos_t, self.interface.eta)
             * self.over_azimuth(cone, (0.0, FAR), (highest / slope, self.margin() / slope), |y| {
                 let mu_i = (highest - slope * y).max(0.0); // below 0 by rounding only
-                4.0 * mu_i * facets.smith.visibility(self.alpha(), (self.mu, self.l), (mu_i, self.l_of(mu_i)))
+                (4.0 * mu_i * facets.smith.visibility(self.alpha(), (self.mu, self.l), (mu_i, self.l_of(mu_i))), 1.0)
             })
     }
 
     /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, of light that goes through.
     fn transmitted(&self, cone: &Cone) -> f64 {
         let eta = self.interface.eta;
-        let Some(cos_t) = refracted_cosine(cone.cos, eta) else { return 0.0 };
+        let cos_t = cone.cos_t;
         let k = cone.cos / eta - cos_t;
         // cos(β_t − d)
         let first = if eta == 1.0 { self.mu } else { cos_t * cone.cos_d + cone.sin / eta * cone.sin_d };
@@ -194,18 +211,18 @@ impl View<'_> {
         let (mu, l) = (self.mu, self.l);
         let through = match smith {
             // The limit, up to the horizon: there both cosines are 0.
-            Smith::Correlated if mu == 0.0 => self.over_azimuth(cone, start, end, |_| 2.0 / l),
+            Smith::Correlated if mu == 0.0 => self.over_azimuth(cone, start, end, |_| (2.0, l)),
             Smith::Correlated => self.over_azimuth(cone, start, end, |y| {
                 let mu_t = cosine(y);
-                2.0 * mu_t / (mu_t * l + mu * self.l_of(mu_t))
+                (2.0 * mu_t, mu_t * l + mu * self.l_of(mu_t))
             }),
             Smith::Separable => self.over_azimuth(cone, start, end, |y| {
                 let mu_t = cosine(y);
-                4.0 * mu_t / ((mu + l) * (mu_t + self.l_of(mu_t)))
+                (4.0 * mu_t, (mu + l) * (mu_t + self.l_of(mu_t)))
             }),
             other => self.over_azimuth(cone, start, end, |y| {
                 let mu_t = cosine(y);
-                other.through((mu, l), (mu_t, self.l_of(mu_t))).unwrap_or(0.0)
+                (other.through((mu, l), (mu_t, self.l_of(mu_t))).unwrap_or(0.0), 1.0)
             }),
         };
         transmittance(cone.cos, cos_t, eta) * through
@@ -218,8 +235,9 @@ impl View<'_> {
     /// 2 sinβ cosβ ∫ D g(y) dχ over the part of the half circle where y is between the first of `start` and the first of `end`; the
     /// second of each is how far beyond g would misbehave.
     ///
-    /// In τ = tan(χ/4), which makes y = (2τ/(1 + τ²))² rational and keeps D's pole on the imaginary axis.
-    fn over_azimuth(&self, cone: &Cone, start: (f64, f64), end: (f64, f64), g: impl Fn(f64) -> f64) -> f64 {
+    /// In τ = tan(χ/4), which makes y = (2τ/(1 + τ²))² rational and keeps D's pole on the imaginary axis. `g` is a numerator and a
+    /// denominator, of one division with D.
+    fn over_azimuth(&self, cone: &Cone, start: (f64, f64), end: (f64, f64), g: impl Fn(f64) -> (f64, f64)) -> f64 {
         let (low, high) = (start.0.clamp(0.0, 1.0), end.0.min(1.0));
         // A NaN here is 0/0: a cone without extent.
         if low.is_nan() || high.is_nan() || high <= low {
@@ -230,7 +248,8 @@ impl View<'_> {
         let integrand = |y: f64| {
             let s = nearest + rise * y; // 1 − h_z
             let r = alpha2 + rest * s * (2.0 - s);
-            g(y) / (r * r)
+            let (above, below) = g(y);
+            above / (below * (r * r))
         };
         let root = rest.max(0.0).sqrt();
         let pole = near_pole(rise / (alpha2 / (root * (1.0 + root)) + nearest));

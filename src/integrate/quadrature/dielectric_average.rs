@@ -19,7 +19,7 @@ use super::{Rung, Sum, Trust, climb_with};
 use crate::integrate::Estimate;
 use crate::model::dielectric::{Dielectric, reflectance, transmittance};
 use crate::model::smith::Smith;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
 /// 2 ∫ … mu dmu of [reflectance, transmittance, their sum] of the interface.
 ///
@@ -27,7 +27,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub fn dielectric_scattering_average(interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
     let average = Average::of(interface);
     climb_with(TRUST, tolerance, |rung| {
-        let (up, down) = (average.reflected(rung), average.transmitted(rung));
+        let [up, down] = average.scattered(rung);
         Sum { values: [up, down, up + down], defect: 0.0 }
     })
 }
@@ -66,8 +66,8 @@ fn root(near: f64) -> Side {
 
 /// ∫ f over the panels between `ends`; `f` takes the position, and the end and the distance from it that it was computed from,
 /// which are exact.
-fn over_panels(ends: &[End], rung: &Rung, f: impl Fn(f64, &End, f64) -> f64) -> f64 {
-    let mut sum = 0.0;
+fn over_panels<const K: usize>(ends: &[End], rung: &Rung, f: impl Fn(f64, &End, f64) -> [f64; K]) -> [f64; K] {
+    let mut sum = [0.0; K];
     for (i, panel) in ends.windows(2).enumerate() {
         let half = 0.5 * (panel[1].at - panel[0].at);
         if half <= 0.0 {
@@ -83,7 +83,10 @@ fn over_panels(ends: &[End], rung: &Rung, f: impl Fn(f64, &End, f64) -> f64) -> 
             for (x, w) in rung.doubled.at_scale(scale).iter() {
                 let (t, weight) = if side.root { (x * x, 2.0 * x * w) } else { (x, w) };
                 let t = sign * t * half;
-                sum += half * weight * f(end.at + t, end, t);
+                let values = f(end.at + t, end, t);
+                for (sum, value) in sum.iter_mut().zip(values) {
+                    *sum += half * weight * value;
+                }
             }
         }
     }
@@ -132,69 +135,85 @@ impl<'a> Average<'a> {
         })
     }
 
-    fn reflected(&self, rung: &Rung) -> f64 {
-        let critical = self.critical();
-        // Where the horizon meets the critical angle.
-        let meeting = critical.map(|(angle, near)| {
-            let side = plain(near.min(self.angle));
-            End { at: FRAC_PI_2 - angle, above: side, below: side }
-        });
-        let grazing = plain(0.5 * self.angle.min(if critical.is_some() { FAR } else { 2.0 * self.beyond_grazing() }));
-        self.over_facets(meeting, rung, |facet| {
-            let mut ends = vec![
-                facet.nearest_end(),
-                facet.horizon(self.angle),
-                End { at: FRAC_PI_2, above: plain(FAR), below: grazing },
-            ];
-            if let Some((angle, near)) = critical {
-                let above = plain(self.angle.hypot(angle - facet.horizon));
-                ends.push(End { at: angle, above, below: root(near) });
-                ends.sort_by(|a, b| a.at.total_cmp(&b.at));
-            }
-            over_panels(&ends, rung, |beta, end, t| {
-                let circle = Circle::new(facet, beta, end, t);
-                // Of the circle, the quarter in which wi is the lower one of the two.
-                let length = circle.length - FRAC_PI_2;
-                let length = if circle.is_cut { (circle.p / circle.q).min(1.0).asin() } else { length };
-                let near = if circle.is_cut { self.width } else { circle.lowest.hypot(self.width) };
-                let rule = rung.doubled.at_scale(circle.in_azimuth(near) / length);
-                let g2 = rule.integrate(|x| {
-                    let mu_i = circle.cosine(x * length);
-                    let mu_o = 2.0 * circle.p - mu_i;
-                    let v = self.smith.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)));
-                    4.0 * mu_o * mu_i * v
-                });
-                4.0 * length * g2 * reflectance(circle.cos, self.interface.eta) * circle.cos * circle.sin
-            })
+    /// The averages of what is reflected and of what goes through.
+    fn scattered(&self, rung: &Rung) -> [f64; 2] {
+        let eta = self.interface.eta;
+        if eta < 1.0 {
+            let [down] = self.from_outside(rung, |facet, circle| [self.through_circle(facet, circle, rung)]);
+            return [self.reflected_inside(rung), eta * eta * down];
+        }
+        self.from_outside(rung, |facet, circle| {
+            [self.reflected_by_circle(circle, rung), self.through_circle(facet, circle, rung)]
         })
     }
 
-    fn transmitted(&self, rung: &Rung) -> f64 {
-        let (n, eta) = (self.n, self.interface.eta);
+    /// 2 ∫ D sinθ ∫ f dβ dθ where F, as a function of β, is that of the thinner side.
+    fn from_outside<const K: usize>(&self, rung: &Rung, f: impl Fn(&Facet, &Circle) -> [f64; K]) -> [f64; K] {
         let grazing = plain((0.5 * self.angle).min(self.beyond_grazing()));
-        let from_outside = self.over_facets(None, rung, |facet| {
-            let ends = [
+        self.over_facets(None, rung, |facet| {
+            // Of a circle wholly above the horizon, the lowest direction may come as near to the pole of G2 below it.
+            let pole = self.pole(self.offset(facet, facet.sin));
+            let horizon = End { below: plain(self.angle.min(pole)), ..facet.horizon(self.angle) };
+            let ends = [facet.nearest_end(), horizon, End { at: FRAC_PI_2, above: plain(FAR), below: grazing }];
+            over_panels(&ends, rung, |beta, end, t| f(facet, &Circle::new(facet, beta, end, t)))
+        })
+    }
+
+    /// What is reflected where there is a critical angle.
+    fn reflected_inside(&self, rung: &Rung) -> f64 {
+        let Some((angle, near)) = self.critical() else { return 0.0 };
+        // Where the horizon meets the critical angle.
+        let side = plain(near.min(self.angle));
+        let meeting = End { at: FRAC_PI_2 - angle, above: side, below: side };
+        let [sum] = self.over_facets(Some(meeting), rung, |facet| {
+            let above = plain(self.angle.hypot(angle - facet.horizon));
+            let mut ends = [
                 facet.nearest_end(),
                 facet.horizon(self.angle),
-                End { at: FRAC_PI_2, above: plain(FAR), below: grazing },
+                End { at: FRAC_PI_2, above: plain(FAR), below: plain(0.5 * self.angle) },
+                End { at: angle, above, below: root(near) },
             ];
-            over_panels(&ends, rung, |beta, end, t| {
-                let circle = Circle::new(facet, beta, end, t);
-                let cos_t = ((n - 1.0) * (n + 1.0) + circle.cos * circle.cos).sqrt() / n;
-                // μt is this and μo/n.
-                let offset = facet.cos * (cos_t - circle.cos / n).max(0.0); // below 0 by rounding only
-                let near = self.beyond_horizon(&circle, offset);
-                let rule = rung.doubled.at_scale(circle.in_azimuth(near) / circle.length);
-                let g2 = rule.integrate(|x| {
-                    let mu_o = circle.cosine(x * circle.length);
-                    let mu_t = offset + mu_o / n;
-                    let masking = self.smith.through((mu_o, self.l(mu_o)), (mu_t, self.l(mu_t))).unwrap_or(0.0);
-                    mu_o * masking
-                });
-                2.0 * circle.length * g2 * transmittance(circle.cos, cos_t, n) * circle.cos * circle.sin
-            })
+            ends.sort_by(|a, b| a.at.total_cmp(&b.at));
+            over_panels(&ends, rung, |beta, end, t| [self.reflected_by_circle(&Circle::new(facet, beta, end, t), rung)])
         });
-        if eta < 1.0 { from_outside * eta * eta } else { from_outside }
+        sum
+    }
+
+    /// F cosβ sinβ ∫ G2 dφ, with wi and wo above the surface.
+    fn reflected_by_circle(&self, circle: &Circle, rung: &Rung) -> f64 {
+        // Of the circle, the quarter in which wi is the lower one of the two.
+        let near = if circle.is_cut { self.width } else { circle.lowest_and(self.width) };
+        let g2 = match self.smith {
+            Smith::Separable => circle.integrate(circle.quarter(), near, rung, |mu_i| {
+                let mu_o = 2.0 * circle.p - mu_i;
+                mu_o * mu_i * Smith::Separable.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)))
+            }),
+            _ => circle.integrate(circle.quarter(), near, rung, |mu_i| {
+                let mu_o = 2.0 * circle.p - mu_i;
+                mu_o * mu_i * Smith::Correlated.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)))
+            }),
+        };
+        16.0 * g2 * reflectance(circle.cos, self.interface.eta) * circle.cos * circle.sin
+    }
+
+    /// (1 − F) cosβ sinβ ∫ G2 dφ, with wo above the surface and wt below it, from the thinner side.
+    fn through_circle(&self, facet: &Facet, circle: &Circle, rung: &Rung) -> f64 {
+        let n = self.n;
+        let cos_t = self.refracted(circle.cos);
+        let offset = self.offset(facet, circle.cos);
+        let near = self.beyond_horizon(circle, offset);
+        let inverse = 1.0 / n;
+        let masked = |smith: Smith, mu_o: f64| {
+            let mu_t = offset + mu_o * inverse;
+            mu_o * smith.through((mu_o, self.l(mu_o)), (mu_t, self.l(mu_t))).unwrap_or(0.0)
+        };
+        // One loop for each, so that the choice is made outside of it.
+        let g2 = match self.smith {
+            Smith::Correlated => circle.integrate(circle.end, near, rung, |mu_o| masked(Smith::Correlated, mu_o)),
+            Smith::Separable => circle.integrate(circle.end, near, rung, |mu_o| masked(Smith::Separable, mu_o)),
+            other => circle.integrate(circle.end, near, rung, |mu_o| masked(other, mu_o)),
+        };
+        2.0 * g2 * transmittance(circle.cos, cos_t, n) * circle.cos * circle.sin
     }
 
     /// How far in μo beyond the end of the circle G2 of light that goes through misbehaves: at its branch points; where the cosines
@@ -203,13 +222,32 @@ impl<'a> Average<'a> {
         if self.smith == Smith::Beta {
             return circle.lowest.max(BRANCH * self.width.min(1.0));
         }
+        circle.lowest_and(self.width).min(circle.lowest + self.pole(offset))
+    }
+
+    /// How far below the horizon, in μo, the cosines are opposite: there G2 of light that goes through has its pole.
+    fn pole(&self, offset: f64) -> f64 {
         // At n = 1 both cosines vanish together, and the pole with them.
-        let pole = if self.n == 1.0 { FAR } else { offset / (1.0 + 1.0 / self.n) };
-        circle.lowest.hypot(self.width).min(circle.lowest + pole)
+        if self.n == 1.0 { FAR } else { offset / (1.0 + 1.0 / self.n) }
+    }
+
+    /// cosβ_t, from the thinner side.
+    fn refracted(&self, cos: f64) -> f64 {
+        ((self.n - 1.0) * (self.n + 1.0) + cos * cos).sqrt() / self.n
+    }
+
+    /// μt − μo/n, the same all around the facet.
+    fn offset(&self, facet: &Facet, cos: f64) -> f64 {
+        facet.cos * (self.refracted(cos) - cos / self.n).max(0.0) // below 0 by rounding only
     }
 
     /// 2 ∫ D sinθ f dθ over the facets.
-    fn over_facets(&self, meeting: Option<End>, rung: &Rung, f: impl Fn(&Facet) -> f64) -> f64 {
+    fn over_facets<const K: usize>(
+        &self,
+        meeting: Option<End>,
+        rung: &Rung,
+        f: impl Fn(&Facet) -> [f64; K],
+    ) -> [f64; K] {
         let flat = plain(0.5 * self.angle.min(self.fresnel_root()));
         let mut ends = vec![
             End { at: 0.0, above: flat, below: plain(FAR) },
@@ -223,10 +261,11 @@ impl<'a> Average<'a> {
             let (sin, cos) = theta.sin_cos();
             let horizon = if end.at == FRAC_PI_2 { -t } else { FRAC_PI_2 - theta };
             let d = alpha2 / (PI * (alpha2 * cos * cos + sin * sin).powi(2));
-            2.0 * d * sin * f(&Facet { sin, cos, horizon })
+            f(&Facet { sin, cos, horizon }).map(|value| 2.0 * d * sin * value)
         })
     }
 
+    #[inline]
     fn l(&self, mu: f64) -> f64 {
         (self.alpha * self.alpha * (1.0 - mu) * (1.0 + mu) + mu * mu).sqrt()
     }
@@ -250,22 +289,24 @@ impl Facet {
     }
 }
 
-/// The directions at one β around a facet, from where they are lowest.
+/// The directions at one β around a facet, from where they are lowest; t is the azimuth from there.
 struct Circle {
     sin: f64,
     cos: f64,
     /// cosθ cosβ and sinθ sinβ.
     p: f64,
     q: f64,
-    /// The sine and cosine of φ at the lowest direction above the surface, φ itself, and the cosine to the surface's normal there.
+    /// The sine and cosine of φ at the lowest direction above the surface, and the cosine to the surface's normal there.
     sin_end: f64,
     cos_end: f64,
-    length: f64,
     lowest: f64,
+    /// tan(t/4) at the highest direction.
+    end: f64,
     is_cut: bool,
 }
 
 impl Circle {
+    #[inline]
     fn new(facet: &Facet, beta: f64, end: &End, t: f64) -> Self {
         let (sin, cos) = beta.sin_cos();
         let cos = if end.at == FRAC_PI_2 { (-t).sin() } else { cos };
@@ -273,23 +314,56 @@ impl Circle {
         let (p, q) = (facet.cos * cos, facet.sin * sin);
         if beyond <= 0.0 {
             let lowest = (-beyond).sin();
-            return Self { sin, cos, p, q, sin_end: 0.0, cos_end: -1.0, length: PI, lowest, is_cut: false };
+            return Self { sin, cos, p, q, sin_end: 0.0, cos_end: -1.0, lowest, end: 1.0, is_cut: false };
         }
         // cosφ = −p/q there, and q − p = sin(β + θ − π/2).
-        let sin_end = (beyond.sin() * (q + p)).max(0.0).sqrt() / q;
+        let less = beyond.sin();
+        let sin_end = (less * (q + p)).max(0.0).sqrt() / q;
         let cos_end = -p / q;
-        Self { sin, cos, p, q, sin_end, cos_end, length: sin_end.atan2(cos_end), lowest: 0.0, is_cut: true }
+        let (sin_half, cos_half) = ((0.5 * (1.0 - cos_end)).sqrt(), (0.5 * less / q).max(0.0).sqrt());
+        let end = sin_half / (1.0 + cos_half);
+        Self { sin, cos, p, q, sin_end, cos_end, lowest: 0.0, end, is_cut: true }
     }
 
-    /// The cosine to the surface's normal at an azimuth of `t` from the lowest direction, without cancellation.
-    fn cosine(&self, t: f64) -> f64 {
-        let (s, c) = (0.5 * t).sin_cos();
-        self.lowest + 2.0 * self.q * s * (self.sin_end * c - self.cos_end * s)
+    /// tan(t/4) where the directions on both sides of h are equally high.
+    #[inline]
+    fn quarter(&self) -> f64 {
+        if !self.is_cut {
+            return SQRT_2 - 1.0;
+        }
+        let cos_half = (0.5 * (1.0 + self.sin_end)).sqrt();
+        -0.5 * self.cos_end / (cos_half * (1.0 + cos_half))
+    }
+
+    /// ∫ f(μ) dt over the azimuths from the lowest direction to tan(t/4) = `end`, where f misbehaves at cosines so far `beyond`.
+    ///
+    /// In τ = tan(t/4), which makes sines and cosines rational, without cancellation in μ.
+    #[inline]
+    fn integrate(&self, end: f64, beyond: f64, rung: &Rung, f: impl Fn(f64) -> f64) -> f64 {
+        let near = 0.25 * self.in_azimuth(beyond);
+        // tanh x is x/(1 + x) at least.
+        let rule = rung.doubled.at_scale(near / ((1.0 + near) * end));
+        let (sum, []) = rule.moments(|x| {
+            let tau = end * x;
+            let q = 1.0 / (1.0 + tau * tau);
+            // The sine and cosine of t/2.
+            let (s, c) = (2.0 * tau * q, (1.0 - tau) * (1.0 + tau) * q);
+            let mu = self.lowest + 2.0 * self.q * s * (self.sin_end * c - self.cos_end * s);
+            (q * f(mu), [])
+        });
+        4.0 * end * sum
     }
 
     /// The distance in azimuth of what is `beyond` the lowest cosine.
+    #[inline]
     fn in_azimuth(&self, beyond: f64) -> f64 {
         let beyond = beyond / self.q;
         beyond / (self.sin_end * self.sin_end + 2.0 * beyond).sqrt().max(f64::MIN_POSITIVE)
+    }
+
+    /// The distance in the complex plane of the cosine i·`width` from the lowest one.
+    #[inline]
+    fn lowest_and(&self, width: f64) -> f64 {
+        (self.lowest * self.lowest + width * width).sqrt()
     }
 }

@@ -16,6 +16,7 @@ pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection, ggx_split};
 
 use super::Estimate;
 use crate::math::quadrature::GradedRules;
+use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
 
 /// A rule of the ladder: the accuracy e^(−digits) at which an integral is computed.
@@ -26,15 +27,19 @@ struct Rung {
     doubled: GradedRules,
     /// Over half a circle, ∫ f(y) dψ from 0 to π with y = sin²(ψ/2), for integrands with a pole at negative y: see [`near_pole`].
     circle: GradedRules,
+    /// [`Rung::doubled`] in y = sin²(πx/2).
+    doubled_circle: GradedRules,
 }
 
 /// The scale of [`Rung::circle`] for a pole at y = −1/`ratio`: τ = tan(ψ/4) keeps it on the imaginary axis, at
 /// w = 1/(ρ + √(ρ² + 1)) with ρ² = `ratio`.
+#[inline]
 fn near_pole(ratio: f64) -> f64 {
     1.0 / (ratio.sqrt() + (ratio + 1.0).sqrt())
 }
 
 /// y and dψ/dτ at τ = tan(ψ/4).
+#[inline]
 fn quarter_tangent(tau: f64) -> (f64, f64) {
     let q = 1.0 / (1.0 + tau * tau);
     (4.0 * tau * tau * q * q, 4.0 * q)
@@ -48,15 +53,18 @@ struct HalfAngle {
 }
 
 impl HalfAngle {
+    #[inline]
     fn of(angle: f64) -> Self {
         let (sin_half, cos_half) = (0.5 * angle).sin_cos();
         Self { sin_half, cos_half }
     }
 
+    #[inline]
     fn sin(self) -> f64 {
         2.0 * self.sin_half * self.cos_half
     }
 
+    #[inline]
     fn cos(self) -> f64 {
         (self.cos_half - self.sin_half) * (self.cos_half + self.sin_half)
     }
@@ -71,7 +79,13 @@ impl Rung {
             rules: GradedRules::new(digits),
             doubled: GradedRules::new(2.0 * digits),
             circle: GradedRules::mapped(digits, quarter_tangent),
+            doubled_circle: GradedRules::mapped(2.0 * digits, |x| ((FRAC_PI_2 * x).sin().powi(2), 1.0)),
         }
+    }
+
+    /// The error of an integrand of height 1 that the rung is made for.
+    fn promise(&self) -> f64 {
+        (-self.rules.digits()).exp()
     }
 }
 
@@ -96,7 +110,8 @@ impl Trust {
 
 /// Climbs the ladder until two neighbouring rungs agree to `tolerance`: the finer value, with their difference as its bound.
 ///
-/// Convergence is geometric, so the finer value is far better than the difference; rounding adds its own floor.
+/// Convergence is geometric, so the finer value is far better than the difference; rounding adds its own floor. A tolerance that the
+/// coarsest rung promises by itself takes that rung alone.
 fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
     climb_with(Trust::USUAL, tolerance, integral)
 }
@@ -105,17 +120,21 @@ fn climb<const K: usize>(tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> 
 fn climb_with<const K: usize>(trust: Trust, tolerance: f64, integral: impl Fn(&Rung) -> Sum<K>) -> [Estimate; K] {
     let Trust { safety, .. } = trust;
     let first = trust.first_rung(tolerance);
-    let mut coarse = integral(&LADDER[first]).values;
+    let lowest = integral(&LADDER[first]);
+    // What the coarsest rung promises needs no second one to confirm it, where that is all that is asked for.
+    let promised = lowest.estimates(safety, safety * (lowest.defect + lowest.height() * LADDER[first].promise()));
+    if first == 0 && promised.iter().all(|e| e.error <= tolerance) {
+        return promised;
+    }
+    let mut coarse = lowest.values;
     let mut best = coarse.map(|v| Estimate::bound(v, f64::INFINITY));
     for rung in &LADDER[first + 1..] {
-        let Sum { values: fine, defect } = integral(rung);
+        let fine = integral(rung);
         // One component may agree by chance: the largest difference speaks for all.
-        let difference = (0..K).map(|k| (fine[k] - coarse[k]).abs()).fold(0.0, f64::max);
-        let height = fine.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
-        let error = safety * (difference + defect + PROMISE * height * (-rung.rules.digits()).exp());
-        let candidate = fine.map(|v| Estimate::bound(v, error + safety * ROUNDING * v.abs()));
+        let difference = (0..K).map(|k| (fine.values[k] - coarse[k]).abs()).fold(0.0, f64::max);
+        let error = safety * (difference + fine.defect + BY_CHANCE * fine.height() * rung.promise());
         // Past the point where rounding rules, a finer rung may look worse: keep the better of the two.
-        for (b, c) in best.iter_mut().zip(candidate) {
+        for (b, c) in best.iter_mut().zip(fine.estimates(safety, error)) {
             if c.error < b.error {
                 *b = c;
             }
@@ -123,7 +142,7 @@ fn climb_with<const K: usize>(trust: Trust, tolerance: f64, integral: impl Fn(&R
         if best.iter().all(|e| e.error <= tolerance) {
             break;
         }
-        coarse = fine;
+        coarse = fine.values;
     }
     best
 }
@@ -145,6 +164,7 @@ struct Half {
 
 /// The rules for a panel of this length whose integrand must be resolved down to the scales `at_low` and `at_high` at its ends: two
 /// that meet in the middle, or one where the other end is as smooth as the panel is long.
+#[inline]
 fn halves(length: f64, at_low: f64, at_high: f64) -> impl Iterator<Item = Half> {
     let (low, high) = (at_low < length, at_high < length || at_low >= length);
     let length = if low && high { 0.5 * length } else { length };
@@ -153,14 +173,26 @@ fn halves(length: f64, at_low: f64, at_high: f64) -> impl Iterator<Item = Half> 
         .filter_map(move |(wanted, from_low, scale)| wanted.then_some(Half { from_low, length, scale }))
 }
 
-/// The part of a rung's nominal error below which agreement is taken for chance.
-const PROMISE: f64 = 0.025;
+/// The part of a rung's promise below which agreement is taken for chance.
+const BY_CHANCE: f64 = 0.025;
 
 /// Values of an integral by one rule, and what is known to be wrong with them.
 struct Sum<const K: usize> {
     values: [f64; K],
     /// Σ |azimuth rule − closed form| with F = 1: the error of the inner rule where it can be seen exactly.
     defect: f64,
+}
+
+impl<const K: usize> Sum<K> {
+    /// How large the integrand is taken to be: 1, or the largest of the values.
+    fn height(&self) -> f64 {
+        self.values.iter().fold(1.0_f64, |most, v| most.max(v.abs()))
+    }
+
+    /// The values, with that bound and what rounding adds.
+    fn estimates(&self, safety: f64, error: f64) -> [Estimate; K] {
+        self.values.map(|v| Estimate::bound(v, error + safety * ROUNDING * v.abs()))
+    }
 }
 
 /// Relative rounding error of a sum of a few thousand positive terms, each good to a few ulp, before the factor of safety.
