@@ -41,7 +41,7 @@ pub const KEY: &str = "kiln.certificate";
 /// The metadata key under which a cube says which of an environment's it is.
 pub const CONTENT_KEY: &str = "kiln.content";
 /// Counts the changes to the algorithms that change bytes.
-pub const ALGORITHMS: u32 = 1;
+pub const ALGORITHMS: u32 = 2;
 
 /// All that is known of a baked file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -60,8 +60,7 @@ fn positions(size: usize, first: f64, last: f64, n_axes: usize) -> Vec<f64> {
 ///
 /// **Errors**: those of the deterministic integrator, which is the truth here.
 pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError>> {
-    let (positions, fine) = (grid(spec), Truth::new(spec)?);
-    let mut places = look(spec, texels, positions, &Truth::within(spec, COARSE)?)?;
+    let mut places = look(spec, texels, grid(spec), &Truth::within(spec, COARSE)?)?;
     let n = spec.channels.len();
     // The coarse truth is believed where a fine one agrees with it, and that is looked at where it matters most, too.
     let worst: Vec<usize> = (0..n).map(|c| worst(&places, c)).collect();
@@ -70,16 +69,28 @@ pub fn lookup_errors(spec: &TableSpec, texels: &[f32]) -> Result<Vec<LookupError
         .enumerate()
         .map(|(c, &i)| places.get(i).map_or(0.0, |p| DIGITS * p.errors[c].abs()).max(TRUTH))
         .collect();
+    let fine = Truth::new(spec)?;
+    let look_again = |places: &mut [Place], again: &[usize]| -> Result<Vec<Vec<f64>>> {
+        let positions = again.iter().map(|&i| places[i].position.clone()).collect();
+        // Where a quantity diverges was left out before, so that each place is found again.
+        let found = look(spec, texels, positions, &fine)?;
+        Ok(again.iter().zip(found).map(|(&i, fine)| std::mem::replace(&mut places[i], fine).errors).collect())
+    };
     let again: Vec<usize> = (0..places.len()).filter(|i| i % CONFIRMED == 0 || worst.contains(i)).collect();
-    let positions = again.iter().map(|&i| places[i].position.clone()).collect();
-    let confirmed = look(spec, texels, positions, &fine)?;
-    let agree = |coarse: &Place, fine: &Place| (0..n).all(|c| (coarse.errors[c] - fine.errors[c]).abs() <= limits[c]);
-    if again.len() == confirmed.len() && again.iter().zip(&confirmed).all(|(&i, fine)| agree(&places[i], fine)) {
-        again.into_iter().zip(confirmed).for_each(|(i, fine)| places[i] = fine);
-    } else {
-        let positions = places.into_iter().map(|place| place.position).collect();
-        places = look(spec, texels, positions, &fine)?;
-    }
+    let coarse = look_again(&mut places, &again)?;
+    // Where it does not, it is believed nowhere along the axes through that place.
+    let agree = |a: &[f64], b: &[f64]| (0..n).all(|c| (a[c] - b[c]).abs() <= limits[c]);
+    let doubted: Vec<Vec<f64>> = again
+        .iter()
+        .zip(&coarse)
+        .filter(|(i, coarse)| !agree(&places[**i].errors, coarse))
+        .map(|(&i, _)| places[i].position.clone())
+        .collect();
+    let doubtful = |place: &Place| {
+        doubted.iter().any(|doubted| doubted.iter().zip(&place.position).any(|(doubted, p)| doubted == p))
+    };
+    let again: Vec<usize> = (0..places.len()).filter(|&i| doubtful(&places[i])).collect();
+    look_again(&mut places, &again)?;
     Ok((0..n).map(|c| summary(spec, &places, c)).collect())
 }
 

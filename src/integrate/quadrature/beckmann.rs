@@ -10,7 +10,7 @@
 //! deviations, and the rules are graded to one. The branch point of the Fresnel factor, at y = −C²/b, is never nearer than the
 //! Gaussian's width. Derived here; checked against Monte Carlo.
 
-use super::{Rung, Sum, climb};
+use super::{Rung, Sum, climb, quarter_tangent};
 use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
 use crate::math::quadrature::Rule;
@@ -48,6 +48,9 @@ const CUT: f64 = 10.0;
 /// How far below the width the pole of G2 must be resolved when it comes to lie at the horizon itself.
 const BRANCH: f64 = 1e-5;
 
+/// How near τ = ±i, where y is infinite, the rule may come.
+const POLE: f64 = 0.5;
+
 fn over_elevation<const K: usize>(
     mu: f64,
     lobe: &Beckmann,
@@ -71,13 +74,14 @@ fn over_elevation<const K: usize>(
         // Over the azimuth, both halves of the circle.
         let b = cos_o * cos_i;
         let kappa = b / (alpha * alpha * ridge);
-        let end = 2.0 * (cut / kappa).min(1.0).sqrt().asin();
-        let rule = rules.at_scale(2.0 / (kappa.sqrt() * end));
+        // In τ = tan(ψ/4), which makes y rational.
+        let end = (0.5 * (cut / kappa).min(1.0).sqrt().asin()).tan();
+        let rule = rules.at_scale((0.5 / kappa.sqrt()).min(POLE) / end);
         for (x, w) in rule.iter() {
-            let y = (0.5 * end * x).sin().powi(2);
+            let (y, step) = quarter_tangent(end * x);
             let cosine2 = c * c + b * y;
             let f = fresnel(cosine2.sqrt().min(1.0)); // at most 1 but for rounding
-            let weight = 2.0 * end * w * weight * (-kappa * y).exp() * cosine2 * cosine2;
+            let weight = 2.0 * end * w * step * weight * (-kappa * y).exp() * cosine2 * cosine2;
             for k in 0..K {
                 sum[k] += weight * f[k];
             }

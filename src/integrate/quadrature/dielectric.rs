@@ -15,7 +15,7 @@
 //! integrated over directions, and against Monte Carlo.
 
 use super::ggx::{albedo_on, reflection_on};
-use super::{Rung, Sum, Trust, climb_with, near_pole};
+use super::{HalfAngle, Rung, Sum, Trust, climb_with, near_pole};
 use crate::integrate::Estimate;
 use crate::math::frame::{direction_with_cosine, elevation};
 use crate::model::dielectric::{Dielectric, reflectance_outside, refracted_cosine, transmittance};
@@ -153,9 +153,9 @@ impl View<'_> {
                     let beta = from + t;
                     let d = if from == self.theta_o { t } else { beta - self.theta_o };
                     let (sin, cos) = beta.sin_cos();
-                    let (sin_d, cos_d) = d.sin_cos();
+                    let d = HalfAngle::of(d);
+                    let (sin_d, cos_d, nearest) = (d.sin(), d.cos(), 2.0 * d.sin_half * d.sin_half);
                     let b = (1.0 - self.mu * self.mu).max(0.0).sqrt() * sin;
-                    let nearest = 2.0 * (0.5 * d).sin().powi(2);
                     let Some(cos_t) = self.refracted(cos, beta, (critical - from) - t) else { continue };
                     sum += half * weight * f(&Cone { cos, sin, sin_d, cos_d, nearest, b, cos_t });
                 }

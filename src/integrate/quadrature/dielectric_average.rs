@@ -182,38 +182,42 @@ impl<'a> Average<'a> {
     /// F cosβ sinβ ∫ G2 dφ, with wi and wo above the surface.
     fn reflected_by_circle(&self, circle: &Circle, rung: &Rung) -> f64 {
         // Of the circle, the quarter in which wi is the lower one of the two.
-        let near = if circle.is_cut { self.width } else { circle.lowest_and(self.width) };
+        let (end, near) = (circle.quarter(), if circle.is_cut { self.width } else { circle.lowest_and(self.width) });
+        let both = 2.0 * circle.p;
         let g2 = match self.smith {
-            Smith::Separable => circle.integrate(circle.quarter(), near, rung, |mu_i| {
-                let mu_o = 2.0 * circle.p - mu_i;
-                mu_o * mu_i * Smith::Separable.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)))
+            Smith::Separable => circle.integrate(end, near, rung, |mu_i, one| {
+                let mu_o = both * one - mu_i;
+                (4.0 * mu_o * mu_i, (mu_o + self.l(mu_o, one)) * (mu_i + self.l(mu_i, one)))
             }),
-            _ => circle.integrate(circle.quarter(), near, rung, |mu_i| {
-                let mu_o = 2.0 * circle.p - mu_i;
-                mu_o * mu_i * Smith::Correlated.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)))
+            _ => circle.integrate(end, near, rung, |mu_i, one| {
+                let mu_o = both * one - mu_i;
+                (2.0 * mu_o * mu_i, mu_o * self.l(mu_i, one) + mu_i * self.l(mu_o, one))
             }),
         };
-        16.0 * g2 * reflectance(circle.cos, self.interface.eta) * circle.cos * circle.sin
+        4.0 * g2 * reflectance(circle.cos, self.interface.eta) * circle.cos * circle.sin
     }
 
     /// (1 − F) cosβ sinβ ∫ G2 dφ, with wo above the surface and wt below it, from the thinner side.
     fn through_circle(&self, facet: &Facet, circle: &Circle, rung: &Rung) -> f64 {
-        let n = self.n;
         let cos_t = self.refracted(circle.cos);
-        let offset = self.offset(facet, circle.cos);
-        let near = self.beyond_horizon(circle, offset);
-        let inverse = 1.0 / n;
-        let masked = |smith: Smith, mu_o: f64| {
-            let mu_t = offset + mu_o * inverse;
-            mu_o * smith.through((mu_o, self.l(mu_o)), (mu_t, self.l(mu_t))).unwrap_or(0.0)
-        };
-        // One loop for each, so that the choice is made outside of it.
+        let (offset, inverse) = (self.offset(facet, circle.cos), 1.0 / self.n);
+        let (end, near) = (circle.end, self.beyond_horizon(circle, offset));
         let g2 = match self.smith {
-            Smith::Correlated => circle.integrate(circle.end, near, rung, |mu_o| masked(Smith::Correlated, mu_o)),
-            Smith::Separable => circle.integrate(circle.end, near, rung, |mu_o| masked(Smith::Separable, mu_o)),
-            other => circle.integrate(circle.end, near, rung, |mu_o| masked(other, mu_o)),
+            Smith::Correlated => circle.integrate(end, near, rung, |mu_o, one| {
+                let mu_t = offset * one + mu_o * inverse;
+                (2.0 * mu_o * mu_t, mu_t * self.l(mu_o, one) + mu_o * self.l(mu_t, one))
+            }),
+            Smith::Separable => circle.integrate(end, near, rung, |mu_o, one| {
+                let mu_t = offset * one + mu_o * inverse;
+                (4.0 * mu_o * mu_t, (mu_o + self.l(mu_o, one)) * (mu_t + self.l(mu_t, one)))
+            }),
+            other => circle.integrate(end, near, rung, |mu_o, one| {
+                let mu_o = mu_o / one;
+                let mu_t = offset + mu_o * inverse;
+                (mu_o * other.through((mu_o, self.l(mu_o, 1.0)), (mu_t, self.l(mu_t, 1.0))).unwrap_or(0.0), 1.0)
+            }),
         };
-        2.0 * g2 * transmittance(circle.cos, cos_t, n) * circle.cos * circle.sin
+        2.0 * g2 * transmittance(circle.cos, cos_t, self.n) * circle.cos * circle.sin
     }
 
     /// How far in μo beyond the end of the circle G2 of light that goes through misbehaves: at its branch points; where the cosines
@@ -265,9 +269,10 @@ impl<'a> Average<'a> {
         })
     }
 
+    /// ℓ, of a cosine in parts of `one` and in the same parts.
     #[inline]
-    fn l(&self, mu: f64) -> f64 {
-        (self.alpha * self.alpha * (1.0 - mu) * (1.0 + mu) + mu * mu).sqrt()
+    fn l(&self, mu: f64, one: f64) -> f64 {
+        (self.alpha * self.alpha * (one - mu) * (one + mu) + mu * mu).sqrt()
     }
 }
 
@@ -337,19 +342,21 @@ impl Circle {
 
     /// ∫ f(μ) dt over the azimuths from the lowest direction to tan(t/4) = `end`, where f misbehaves at cosines so far `beyond`.
     ///
-    /// In τ = tan(t/4), which makes sines and cosines rational, without cancellation in μ.
+    /// In τ = tan(t/4), which makes sines and cosines rational: f takes μ (1 + τ²)², without cancellation, and (1 + τ²)², and returns a
+    /// numerator and a denominator, so that there is one division.
     #[inline]
-    fn integrate(&self, end: f64, beyond: f64, rung: &Rung, f: impl Fn(f64) -> f64) -> f64 {
+    fn integrate(&self, end: f64, beyond: f64, rung: &Rung, f: impl Fn(f64, f64) -> (f64, f64)) -> f64 {
         let near = 0.25 * self.in_azimuth(beyond);
         // tanh x is x/(1 + x) at least.
         let rule = rung.doubled.at_scale(near / ((1.0 + near) * end));
         let (sum, []) = rule.moments(|x| {
             let tau = end * x;
-            let q = 1.0 / (1.0 + tau * tau);
-            // The sine and cosine of t/2.
-            let (s, c) = (2.0 * tau * q, (1.0 - tau) * (1.0 + tau) * q);
-            let mu = self.lowest + 2.0 * self.q * s * (self.sin_end * c - self.cos_end * s);
-            (q * f(mu), [])
+            let root = 1.0 + tau * tau;
+            let one = root * root;
+            // Of t/2, 2τ and (1 − τ)(1 + τ) are the sine and the cosine in parts of the root.
+            let rise = 4.0 * self.q * tau * (self.sin_end * (1.0 - tau) * (1.0 + tau) - 2.0 * self.cos_end * tau);
+            let (above, below) = f(self.lowest * one + rise, one);
+            (above / (below * root), [])
         });
         4.0 * end * sum
     }
