@@ -2,7 +2,7 @@
 
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::error::Result;
-use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, Settings, quadrature};
+use crate::integrate::{ErrorKind, Estimate, Integration, Integrator, QUADRATURE_TOLERANCE, Settings, quadrature};
 use crate::model::smith::Smith;
 use crate::table::quantity::Handle;
 use crate::table::{Parameter, TableSpec, Trend};
@@ -23,12 +23,17 @@ pub struct TableValues<'a> {
     pub precision: Precision,
 }
 
-/// What is compared with is integrated to this part of what a texel may be off by.
-const PART: f64 = 0.25;
+/// What is compared with is integrated to this part of what a texel may be off by, but to no less than …
+const PART: f64 = 0.01;
+/// … this.
+const FINEST: f64 = 0.1 * QUADRATURE_TOLERANCE;
 
-/// E of GGX, seen at `mu`.
-fn albedo(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    if alpha == 0.0 { Estimate::bound(1.0, 0.0) } else { quadrature::ggx_albedo(mu, alpha, smith, tolerance) }
+/// E of GGX, seen at `mu`, to be compared with what may be off by `allowed`.
+fn albedo(mu: f64, alpha: f64, smith: Smith, allowed: f64) -> Estimate {
+    if alpha == 0.0 {
+        return Estimate::bound(1.0, 0.0);
+    }
+    quadrature::ggx_albedo(mu, alpha, smith, (PART * allowed).max(FINEST))
 }
 
 /// By how much a texel is off, and by how much it may be.
@@ -190,7 +195,7 @@ impl TableValues<'_> {
                 let at = self.spec.point(texel);
                 let (mu, alpha) = (at.get(Parameter::Mu).unwrap_or(1.0), at.get(Parameter::Alpha).unwrap_or(0.0));
                 let tolerance = self.tolerance(scale, values[scale]) + self.tolerance(bias, values[bias]);
-                let e = albedo(mu, alpha, self.spec.model.smith, PART * tolerance);
+                let e = albedo(mu, alpha, self.spec.model.smith, tolerance);
                 Deviation { texel, off: values[scale] + values[bias] - e.value, tolerance: tolerance + e.error }
             })
             .collect();
@@ -217,7 +222,7 @@ impl TableValues<'_> {
                 for (place, (mu, i)) in order.iter().enumerate() {
                     let alpha = self.spec.point(texel(*i)).get(Parameter::Alpha).unwrap_or(0.0);
                     let value = self.values[texel(*i) * n + channel];
-                    let exact = albedo(*mu, alpha, self.spec.model.smith, PART * self.tolerance(channel, value));
+                    let exact = albedo(*mu, alpha, self.spec.model.smith, self.tolerance(channel, value));
                     // Of the trapezoids on either side.
                     let (before, after) = (order[place.saturating_sub(1)].0, order[(place + 1).min(order.len() - 1)].0);
                     let weight = mu * (after - before);

@@ -117,37 +117,37 @@ fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() 
 #[test]
 fn certified_halves_are_the_nearest_and_floats_are_within_an_ulp_or_1e_8() {
     for (name, size, texel) in [
-        ("dfg", 24, "rg"),
-        ("ggx-f82", 12, "rgba"),
-        ("beckmann-dfg", 8, "rg"),
-        ("charlie-albedo", 6, "r"),
-        ("dielectric", 4, "rg"),
-        ("dielectric-inside", 4, "rg"),
+        ("dfg", 16, "rg"),
+        ("ggx-f82", 8, "rgba"),
+        ("beckmann-dfg", 6, "rg"),
+        ("charlie-albedo", 5, "r"),
+        ("dielectric", 3, "rg"),
+        ("dielectric-inside", 3, "rg"),
         ("dielectric-avg", 2, "rg"),
-        ("conductor-albedo", 6, "r"),
+        ("conductor-albedo", 5, "r"),
     ] {
+        let mut recipe = small(name, size, Settings::default());
+        recipe.channels.truncate(texel.len());
+        let spec = recipe.spec().expect("a table");
+        let (drawn, exact) = (by_samples(&spec), finest(&spec));
         for number in [Number::F16, Number::F32] {
-            let mut recipe = small(name, size, Settings::default());
-            recipe.channels.truncate(texel.len());
             recipe.format = match number {
                 Number::F16 => FormatSpec::ktx2(TexelFormat::new(texel.len(), number).expect("a format")),
                 _ => FormatSpec::exr(number),
             };
             let baked = bake(&recipe);
             let rounding = baked.certificate.rounding.expect("a table by quadrature has it");
-            let spec = recipe.spec().expect("a table");
             let total = (spec.len() * spec.channels.len()) as u64;
             assert_eq!(rounding.certified + rounding.undecided, total, "{name}");
             assert!(rounding.undecided * 10_000 <= total, "{name} {number}: {rounding:?}");
             let stored = values(&recipe, &baked);
-            let drawn = by_samples(&spec);
-            for (i, (value, error)) in drawn.into_iter().enumerate() {
+            for (i, &(value, error)) in drawn.iter().enumerate() {
                 let (got, half_an_ulp) = (f64::from(stored[i]), 0.5 * number.ulp(value.abs() * (1.0 + 1e-3)));
                 let allowed = SIGMAS * error + half_an_ulp + 1e-8;
                 assert!((got - value).abs() <= allowed, "{name} {number} value {i}: {got}, drawn {value}, {allowed:e}");
             }
             let mut outside = 0;
-            for (i, (truth, error)) in finest(&spec).into_iter().enumerate() {
+            for (i, &(truth, error)) in exact.iter().enumerate() {
                 let got = f64::from(stored[i]);
                 let right = match number {
                     Number::F16 => [truth - error, truth + error]
