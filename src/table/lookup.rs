@@ -245,6 +245,7 @@ fn blend<const N: usize>(texels: &[f32], channels: usize, taps: &Taps<N>) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::quantity::find;
 
     #[test]
     fn interpolation_is_exact_for_what_is_linear_in_every_axis() {
@@ -256,5 +257,33 @@ mod tests {
             assert!((got - f(x, y, z)).abs() < 1e-12, "({x}, {y}, {z}): {got}");
         }
         assert_eq!(linear(&texels, &sizes, 1, &[-1.0, 5.0, 9.0])[0], f(0.0, 3.0, 4.0), "clamped");
+    }
+
+    #[test]
+    fn figures_are_those_of_a_fine_truth_everywhere() {
+        for (channels, axes) in [
+            (&["ggx.scale", "ggx.bias"][..], &["mu:12", "roughness:12"][..]),
+            (&["charlie.albedo"], &["mu:6", "roughness:6"]),
+            (&["beckmann.albedo"], &["mu:5:edge", "alpha:5:edge"]),
+            (&["dielectric.reflectance", "dielectric.transmittance"], &["mu:3", "roughness:3", "eta:3:0.5..2"]),
+            (&["dielectric.reflectance_avg", "dielectric.transmittance_avg"], &["roughness:2", "eta:2:f0-fourth-root"]),
+        ] {
+            let spec = TableSpec {
+                channels: channels.iter().map(|name| find(name).expect("a quantity")).collect(),
+                axes: axes.iter().map(|axis| axis.parse().expect("an axis")).collect(),
+                ..TableSpec::default()
+            };
+            let integration = Integration::new(Settings::default()).expect("settings");
+            let table = spec.bake(&integration, &|_| {}).expect("a table");
+            let texels: Vec<f32> = table.values.iter().map(|&v| v as f32).collect();
+            let fine = look(&spec, &texels, grid(&spec), &Truth::new(&spec).expect("a truth")).expect("places");
+            for (c, got) in lookup_errors(&spec, &texels).expect("figures").iter().enumerate() {
+                let wanted = summary(&spec, &fine, c);
+                let allowed = TRUTH.max(DIGITS * wanted.max);
+                for (got, wanted) in [(got.max, wanted.max), (got.rms, wanted.rms)] {
+                    assert!((got - wanted).abs() <= allowed, "{}: {got}, wanted {wanted}, {allowed:e}", channels[c]);
+                }
+            }
+        }
     }
 }
