@@ -17,78 +17,82 @@ use super::panorama::Panorama;
 /// The panorama averaged over the exact solid angle of each texel of a cube of this size. A constant panorama comes out
 /// as exactly its constant, and the flux is conserved to rounding.
 pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
-    let mean = panorama.mean();
-    let angles = solid_angles(size);
+    let (mean, height) = (panorama.mean(), panorama.height());
     // The faces at the side reach 45° below the equator. One set of wedges at a time: they are larger than the panorama.
-    let height = panorama.height();
-    let north = Wedges::new(panorama, mean, (3 * height / 4 + 2).min(height), false);
-    let ([right, left, front, back], top) = (side_faces(&north, size), top_face(&north, size));
-    drop(north);
-    let south = Wedges::new(panorama, mean, cap_rows(height), true);
-    let bottom = flip_rows(top_face(&south, size), size);
-    let faces = [right, left, top, bottom, front, back];
+    let (sides, top, arcs) = {
+        let north = Wedges::new(panorama, mean, (3 * height / 4 + 2).min(height), false);
+        let arcs = arcs(size, |t| Arc::new(&north.grid, (t > 0.0).then_some((1.0, t)), size));
+        (side_lines(&north, size), pole_lines(&north, size, &arcs), arcs)
+    };
+    // Rows mirror each other: so do the arcs.
+    let bottom = pole_lines(&Wedges::new(panorama, mean, cap_rows(height), true), size, &arcs);
+    let angles = solid_angles(size);
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());
-    let average = |(residual, angle): (&[f64; 3], &f64)| {
-        std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
-    };
-    let texels = faces.iter().flat_map(|face| face.iter().zip(&angles).map(average)).collect();
+    let mut texels = vec![[0.0f32; 3]; 6 * size * size];
+    texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
+        let (face, row) = (line / size, line % size);
+        let angles = &angles[row * size..][..size];
+        let average = |residual: [f64; 3], angle: f64| -> [f32; 3] {
+            std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
+        };
+        let at_side = |side: usize, out: &mut [[f32; 3]]| {
+            let (above, below) = (&sides[row][side], &sides[row + 1][side]);
+            for (((out, above), below), angle) in out.iter_mut().zip(above).zip(below).zip(angles) {
+                *out = average(subtract(*above, *below), *angle);
+            }
+        };
+        let at_pole = |lines: &[PoleLine], row: usize, out: &mut [[f32; 3]]| {
+            let (above, below) = (&lines[row][1], &lines[row + 1][1]);
+            for (column, (out, angle)) in out.iter_mut().zip(angles).enumerate() {
+                let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
+                let down = subtract(above[column], below[column]);
+                *out = average(std::array::from_fn(|c| across[c] + down[c]), *angle);
+            }
+        };
+        match face {
+            2 => at_pole(&top, row, out),
+            3 => at_pole(&bottom, size - 1 - row, out),
+            0 | 1 => at_side(face, out),
+            _ => at_side(face - 2, out),
+        }
+    });
     Cube { size, texels }
 }
 
-/// Integrals over the texels of the faces beside the equator: +X, −X, +Z, −Z.
-fn side_faces(wedges: &Wedges, size: usize) -> [Vec<[f64; 3]>; 4] {
-    // The rows of texels end at circles of constant v; the columns at meridians. φ falls as u grows.
-    let lines = by_symmetry(
-        wedges,
-        size,
-        |v| Some((v, 1.0)),
-        |arc, v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0)),
-    );
-    let texel = |i: usize| (i / size, i % size);
-    std::array::from_fn(|face| {
-        let at = |(row, column): (usize, usize)| subtract(lines[row][face][column], lines[row + 1][face][column]);
-        (0..size * size).map(texel).map(at).collect()
+/// Integrals along the pieces of one line between texels.
+type Line = Vec<[f64; 3]>;
+/// On a face at a pole: of the line at some u, which runs along v, and of the line at the same v.
+type PoleLine = [Line; 2];
+
+/// Along the lines between the rows of the faces beside the equator, +X, −X, +Z, −Z: circles of constant v. (Their columns end at
+/// meridians. φ falls as u grows.)
+fn side_lines(wedges: &Wedges, size: usize) -> Vec<[Line; 4]> {
+    let arcs = arcs(size, |v| Arc::new(&wedges.grid, Some((v, 1.0)), size));
+    by_symmetry(&arcs, |arc, v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0)))
+}
+
+/// Along the lines of the face around the pole that the wedges start from.
+fn pole_lines(wedges: &Wedges, size: usize, arcs: &[(f64, Arc)]) -> Vec<PoleLine> {
+    by_symmetry(arcs, |arc, t| {
+        [true, false].map(|along_v| match top_circle(t, along_v) {
+            Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
+            None => vec![[0.0; 3]; size],
+        })
     })
 }
 
-/// Integrals over the texels of the face around the pole that the wedges start from.
-fn top_face(wedges: &Wedges, size: usize) -> Vec<[f64; 3]> {
-    let lines = by_symmetry(
-        wedges,
-        size,
-        |t| (t > 0.0).then_some((1.0, t)),
-        |arc, t| {
-            [true, false].map(|along_v| match top_circle(t, along_v) {
-                Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
-                None => vec![[0.0; 3]; size],
-            })
-        },
-    );
-    let texel = |i: usize| {
-        let (row, column) = (i / size, i % size);
-        let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
-        let down = subtract(lines[row][1][column], lines[row + 1][1][column]);
-        std::array::from_fn(|c| across[c] + down[c])
-    };
-    (0..size * size).map(texel).collect()
+/// The arcs of all lines at t ≥ 0, with that t.
+fn arcs(size: usize, arc: impl Fn(f64) -> Arc + Sync) -> Vec<(f64, Arc)> {
+    (size.div_ceil(2)..=size).into_par_iter().map(|k| (edge(size, k), arc(edge(size, k)))).collect()
 }
 
-/// What `lines` makes of every line between texels, in their order. Lines at ±t are halves of one circle, `circle` (its a and b) of t ≥ 0;
-/// the arcs along it are walked once for both.
-fn by_symmetry<T: Send>(
-    wedges: &Wedges,
-    size: usize,
-    circle: impl Fn(f64) -> Option<(f64, f64)> + Sync,
-    lines: impl Fn(&Arc, f64) -> T + Sync,
-) -> Vec<T> {
-    let pair = |k: usize| {
-        let t = edge(size, k);
-        let arc = Arc::new(&wedges.grid, circle(t), size);
-        (lines(&arc, -t), (t > 0.0).then(|| lines(&arc, t)))
-    };
-    let pairs: Vec<(T, Option<T>)> = (size.div_ceil(2)..=size).into_par_iter().map(pair).collect();
+/// What `line` makes of every line between texels, in their order. Lines at ±t are halves of one circle; the arcs along it are walked
+/// once for both.
+fn by_symmetry<T: Send>(arcs: &[(f64, Arc)], line: impl Fn(&Arc, f64) -> T + Sync) -> Vec<T> {
+    let pair = |(t, arc): &(f64, Arc)| (line(arc, -t), (*t > 0.0).then(|| line(arc, *t)));
+    let pairs: Vec<(T, Option<T>)> = arcs.par_iter().map(pair).collect();
     let (low, high): (Vec<T>, Vec<Option<T>>) = pairs.into_iter().unzip();
     low.into_iter().rev().chain(high.into_iter().flatten()).collect()
 }
@@ -125,13 +129,14 @@ impl Arc {
             return sums;
         };
         // Exact: azimuths of faces are quarters of a turn.
-        let middle = ((centre + PI) / TAU * width as f64).round() as usize;
+        let middle = ((centre + PI) / TAU * width as f64).round() as usize % width;
         for &(piece, part) in parts {
             let (row, depth) = match below {
                 true => (wedges.grid.height() - 1 - part.row, part.length - part.depth),
                 false => (part.row, part.depth),
             };
-            let outwards = [(middle + part.column) % width, (middle + width - 1 - part.column) % width];
+            let within = |column: usize| if column >= width { column - width } else { column };
+            let outwards = [within(middle + part.column), within(middle + width - 1 - part.column)];
             let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
             let part = |column: usize| Part { column, row, length: turn * part.length, depth: turn * depth };
             wedges.add(part(right), &mut sums[piece]);
@@ -139,10 +144,6 @@ impl Arc {
         }
         sums
     }
-}
-
-fn flip_rows(face: Vec<[f64; 3]>, size: usize) -> Vec<[f64; 3]> {
-    face.chunks_exact(size).rev().flatten().copied().collect()
 }
 
 fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

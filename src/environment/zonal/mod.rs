@@ -32,7 +32,7 @@ use super::panorama::Panorama;
 use super::peel::Peel;
 use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
-use lanes::V;
+use lanes::{Arithmetic, V, compiled_for};
 use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
 use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
@@ -140,38 +140,54 @@ impl<'a> Zonal<'a> {
 
 impl Function<'_> {
     /// The value in a unit direction.
-    #[inline(always)]
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
-        self.value(direction, angles(direction))
+        let mut value = [[0.0; 3]];
+        self.fill(&[direction], |_| angles(direction), &mut value);
+        value[0]
     }
 
-    /// The value in a unit direction that has these angles.
+    /// The values in unit directions, `angles` their angles.
+    fn fill(&self, directions: &[DVec3], angles: impl Fn(usize) -> [f64; 2], values: &mut [[f64; 3]]) {
+        compiled_for!(self.zonal.instructions, A => self.fill_by::<A>(directions, &angles, values));
+    }
+
     #[inline(always)]
-    fn value(&self, direction: DVec3, angles: [f64; 2]) -> [f64; 3] {
-        let Some((part, plan, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
-        let smooth = rings.at(angles);
-        let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
+    fn fill_by<A: Arithmetic>(
+        &self,
+        directions: &[DVec3],
+        angles: &impl Fn(usize) -> [f64; 2],
+        values: &mut [[f64; 3]],
+    ) {
+        let Some((part, plan, rings)) = &self.rings else {
+            for (value, &direction) in values.iter_mut().zip(directions) {
+                *value = self.zonal.exact.evaluate(direction, &self.kernel);
+            }
+            return;
+        };
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = rings.at::<A>(angles(i));
+        }
+        part.bright.add::<A>(directions, &self.kernel, &self.zonal.exact, values);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;
-        let mut mean = part.mean;
-        if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
-            && let Some(near) = split.mean(direction, rest, places)
-        {
-            let far = plan.eigenvalues[0];
-            mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+        for (value, &direction) in values.iter_mut().zip(directions) {
+            let mut mean = part.mean;
+            if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
+                && let Some(near) = split.mean(direction, rest, places)
+            {
+                let far = plan.eigenvalues[0];
+                mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+            }
+            *value = std::array::from_fn(|c| (mean[c] + value[c]).clamp(low[c], high[c]));
         }
-        std::array::from_fn(|c| (mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
     }
 
     /// The values in many unit directions.
     pub fn values(&self, directions: &[DVec3]) -> Vec<[f64; 3]> {
         let mut values = vec![[0.0; 3]; directions.len()];
         values.par_chunks_mut(LINE).zip(directions.par_chunks(LINE)).for_each(|(out, directions)| {
-            self.zonal.instructions.run(
-                #[inline(always)]
-                || out.iter_mut().zip(directions).for_each(|(value, direction)| *value = self.at(*direction)),
-            );
+            self.fill(directions, |i| angles(directions[i]), out);
         });
         values
     }
@@ -184,15 +200,17 @@ impl Function<'_> {
             self.zonal.exact.prepare();
         }
         texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
-            self.zonal.instructions.run(
-                #[inline(always)]
-                || {
-                    for (i, texel) in out.iter_mut().enumerate() {
-                        let value = self.value(texel_direction(size, line * size + i), angles.of(line, i));
-                        *texel = [value[0] as f32, value[1] as f32, value[2] as f32];
-                    }
-                },
-            );
+            let (mut directions, mut values) = ([DVec3::ZERO; LINE], [[0.0; 3]; LINE]);
+            for (chunk, out) in out.chunks_mut(LINE).enumerate() {
+                let (first, n) = (chunk * LINE, out.len());
+                for (i, direction) in directions[..n].iter_mut().enumerate() {
+                    *direction = texel_direction(size, line * size + first + i);
+                }
+                self.fill(&directions[..n], |i| angles.of(line, first + i), &mut values[..n]);
+                for (texel, value) in out.iter_mut().zip(&values) {
+                    *texel = value.map(|v| v as f32);
+                }
+            }
             finished(size as u64);
         });
         Cube { size, texels }
