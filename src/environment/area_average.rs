@@ -13,19 +13,25 @@ use rayon::prelude::*;
 use super::cube::{Cube, edge, solid_angles};
 use super::overlap::{CENTRES, Circle, Grid, Part, cap_rows, top_circle};
 use super::panorama::Panorama;
+use super::zonal::{Arithmetic, InstructionSet, Twice, compiled_for};
 
 /// The panorama averaged over the exact solid angle of each texel of a cube of this size. A constant panorama comes out
 /// as exactly its constant, and the flux is conserved to rounding.
 pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
     let (mean, height) = (panorama.mean(), panorama.height());
-    // The faces at the side reach 45° below the equator. One set of wedges at a time: they are larger than the panorama.
-    let (sides, top, arcs) = {
-        let north = Wedges::new(panorama, mean, (3 * height / 4 + 2).min(height), false);
-        let arcs = arcs(size, |t| Arc::new(&north.grid, (t > 0.0).then_some((1.0, t)), size));
-        (side_lines(&north, size), pole_lines(&north, size, &arcs), arcs)
-    };
-    // Rows mirror each other: so do the arcs.
-    let bottom = pole_lines(&Wedges::new(panorama, mean, cap_rows(height), true), size, &arcs);
+    let instructions = InstructionSet::detect();
+    let wedges = |rows: usize, mirrored: bool| Wedges::new(panorama, mean, rows, mirrored, instructions);
+    // One set of wedges at a time: they are larger than the panorama. Rows mirror each other: so do the arcs around the poles.
+    let south = wedges(cap_rows(height), true);
+    let arcs = pole_arcs(&south.grid, size);
+    let bottom = pole_lines(&south, size, &arcs);
+    drop(south);
+    // The faces at the side reach 45° below the equator.
+    let north = wedges((3 * height / 4 + 2).min(height), false);
+    let top = pole_lines(&north, size, &arcs);
+    drop(arcs);
+    let sides = side_lines(&north, size);
+    drop(north);
     let angles = solid_angles(size);
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
@@ -69,30 +75,43 @@ type PoleLine = [Line; 2];
 /// Along the lines between the rows of the faces beside the equator, +X, −X, +Z, −Z: circles of constant v. (Their columns end at
 /// meridians. φ falls as u grows.)
 fn side_lines(wedges: &Wedges, size: usize) -> Vec<[Line; 4]> {
-    let arcs = arcs(size, |v| Arc::new(&wedges.grid, Some((v, 1.0)), size));
-    by_symmetry(&arcs, |arc, v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0)))
-}
-
-/// Along the lines of the face around the pole that the wedges start from.
-fn pole_lines(wedges: &Wedges, size: usize, arcs: &[(f64, Arc)]) -> Vec<PoleLine> {
-    by_symmetry(arcs, |arc, t| {
-        [true, false].map(|along_v| match top_circle(t, along_v) {
-            Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
-            None => vec![[0.0; 3]; size],
-        })
+    by_symmetry(size, |_, v| {
+        let arc = Arc::new(&wedges.grid, Some((v, 1.0)), size);
+        move |v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0))
     })
 }
 
-/// The arcs of all lines at t ≥ 0, with that t.
-fn arcs(size: usize, arc: impl Fn(f64) -> Arc + Sync) -> Vec<(f64, Arc)> {
-    (size.div_ceil(2)..=size).into_par_iter().map(|k| (edge(size, k), arc(edge(size, k)))).collect()
+/// The arcs of a face around a pole, of lines from its middle on.
+fn pole_arcs(grid: &Grid, size: usize) -> Vec<Arc> {
+    let arc = |k: usize| {
+        let t = edge(size, k);
+        Arc::new(grid, (t > 0.0).then_some((1.0, t)), size)
+    };
+    (size.div_ceil(2)..=size).into_par_iter().map(arc).collect()
 }
 
-/// What `line` makes of every line between texels, in their order. Lines at ±t are halves of one circle; the arcs along it are walked
-/// once for both.
-fn by_symmetry<T: Send>(arcs: &[(f64, Arc)], line: impl Fn(&Arc, f64) -> T + Sync) -> Vec<T> {
-    let pair = |(t, arc): &(f64, Arc)| (line(arc, -t), (*t > 0.0).then(|| line(arc, *t)));
-    let pairs: Vec<(T, Option<T>)> = arcs.par_iter().map(pair).collect();
+/// Along the lines of the face around the pole that the wedges start from.
+fn pole_lines(wedges: &Wedges, size: usize, arcs: &[Arc]) -> Vec<PoleLine> {
+    by_symmetry(size, |index, _| {
+        let arc = &arcs[index];
+        move |t| {
+            [true, false].map(|along_v| match top_circle(t, along_v) {
+                Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
+                None => vec![[0.0; 3]; size],
+            })
+        }
+    })
+}
+
+/// What `lines` makes of every line between texels, in their order. Lines at ±t are halves of one circle: `lines` of t ≥ 0 (and
+/// its number) is asked once for both.
+fn by_symmetry<T: Send, L: Fn(f64) -> T>(size: usize, lines: impl Fn(usize, f64) -> L + Sync) -> Vec<T> {
+    let pair = |k: usize| {
+        let t = edge(size, k);
+        let line = lines(k - size.div_ceil(2), t);
+        (line(-t), (t > 0.0).then(|| line(t)))
+    };
+    let pairs: Vec<(T, Option<T>)> = (size.div_ceil(2)..=size).into_par_iter().map(pair).collect();
     let (low, high): (Vec<T>, Vec<Option<T>>) = pairs.into_iter().unzip();
     low.into_iter().rev().chain(high.into_iter().flatten()).collect()
 }
@@ -119,30 +138,48 @@ impl Arc {
     }
 
     /// ∫ P dφ along each of the pieces of the line about the azimuth `centre`, or of its mirror image below the equator.
-    fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Vec<[f64; 3]> {
-        let mut sums = vec![[0.0; 3]; self.size];
-        let Some((a, b)) = self.circle else { return sums };
-        let width = wedges.grid.width();
-        let Some(parts) = &self.parts else {
-            let circle = Circle { a: if below { -a } else { a }, b, centre };
-            wedges.grid.along_line(&circle, turn, self.size, |piece, part| wedges.add(part, &mut sums[piece]));
-            return sums;
-        };
-        // Exact: azimuths of faces are quarters of a turn.
-        let middle = ((centre + PI) / TAU * width as f64).round() as usize % width;
-        for &(piece, part) in parts {
-            let (row, depth) = match below {
-                true => (wedges.grid.height() - 1 - part.row, part.length - part.depth),
-                false => (part.row, part.depth),
-            };
-            let within = |column: usize| if column >= width { column - width } else { column };
-            let outwards = [within(middle + part.column), within(middle + width - 1 - part.column)];
-            let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
-            let part = |column: usize| Part { column, row, length: turn * part.length, depth: turn * depth };
-            wedges.add(part(right), &mut sums[piece]);
-            wedges.add(part(left), &mut sums[self.size - 1 - piece]);
+    fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Line {
+        let mut sums = vec![[0.0; 4]; self.size];
+        let Some((a, b)) = self.circle else { return vec![[0.0; 3]; self.size] };
+        match &self.parts {
+            Some(parts) => compiled_for!(
+                wedges.instructions,
+                A => add_mirrored::<A>(parts, wedges, centre, turn, below, &mut sums)
+            ),
+            None => {
+                let circle = Circle { a: if below { -a } else { a }, b, centre };
+                let add = |piece: usize, part: Part| wedges.add::<Twice>(part, &mut sums[piece]);
+                wedges.grid.along_line(&circle, turn, self.size, add);
+            }
         }
-        sums
+        sums.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+    }
+}
+
+/// Adds up ∫ P dφ over the parts of half a line and of its mirror image.
+#[inline(always)]
+fn add_mirrored<A: Arithmetic>(
+    parts: &[(usize, Part)],
+    wedges: &Wedges,
+    centre: f64,
+    turn: f64,
+    below: bool,
+    sums: &mut [[f64; 4]],
+) {
+    let (width, height, last) = (wedges.grid.width(), wedges.grid.height(), sums.len() - 1);
+    // Exact: azimuths of faces are quarters of a turn.
+    let middle = ((centre + PI) / TAU * width as f64).round() as usize % width;
+    for &(piece, part) in parts {
+        let (row, depth) = match below {
+            true => (height - 1 - part.row, part.length - part.depth),
+            false => (part.row, part.depth),
+        };
+        let within = |column: usize| if column >= width { column - width } else { column };
+        let outwards = [within(middle + part.column), within(middle + width - 1 - part.column)];
+        let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
+        let (length, depth) = (turn * part.length, turn * depth);
+        wedges.add::<A>(Part { column: right, row, length, depth }, &mut sums[piece]);
+        wedges.add::<A>(Part { column: left, row, length, depth }, &mut sums[last - piece]);
     }
 }
 
@@ -153,56 +190,64 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// P at every edge between rows, counted from a pole.
 struct Wedges {
     grid: Grid,
-    /// One line of `width` values of P for each edge of the grid's rows.
-    prefix: Vec<[f64; 3]>,
+    /// One line of `width` values of P for each edge of the grid's rows, three channels each, and one number more.
+    prefix: Vec<f64>,
+    instructions: InstructionSet,
 }
 
 impl Wedges {
     /// The prefix integrals of `panorama − mean` over the first `rows` rows from the north pole, or from the south pole of
     /// the panorama when `mirrored`. They take 24 bytes a texel.
-    fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool) -> Self {
+    fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool, instructions: InstructionSet) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let grid = Grid::new(width, panorama.row_edges(), rows);
         // Each band of rows from zero, on any thread; then what all bands above come to is added.
         const BAND: usize = 64;
-        let mut prefix = vec![[0.0; 3]; (rows + 1) * width];
-        prefix[width..].par_chunks_mut(BAND * width).enumerate().for_each(|(band, lines)| {
-            let mut above = vec![[0.0; 3]; width];
-            for (row, line) in (band * BAND..).zip(lines.chunks_exact_mut(width)) {
+        let line = 3 * width;
+        let mut prefix = vec![0.0; (rows + 1) * line + 1];
+        let end = prefix.len() - 1;
+        prefix[line..end].par_chunks_mut(BAND * line).enumerate().for_each(|(band, lines)| {
+            let mut above = vec![0.0; line];
+            for (row, line) in (band * BAND..).zip(lines.chunks_exact_mut(line)) {
                 let texels = panorama.row(if mirrored { height - 1 - row } else { row });
-                for ((below, above), texel) in line.iter_mut().zip(&mut above).zip(texels) {
+                let row_height = grid.row_height(row);
+                let (line, above) = (line.as_chunks_mut::<3>().0, above.as_chunks_mut::<3>().0);
+                for ((below, above), texel) in line.iter_mut().zip(above).zip(texels) {
                     for c in 0..3 {
-                        above[c] += (f64::from(texel[c]) - mean[c]) * grid.row_height(row);
+                        above[c] += (f64::from(texel[c]) - mean[c]) * row_height;
                     }
                     *below = *above;
                 }
             }
         });
-        let mut above = vec![[0.0; 3]; width];
-        let bases: Vec<Vec<[f64; 3]>> = prefix[width..]
-            .chunks(BAND * width)
+        let mut above = vec![0.0; line];
+        let bases: Vec<Vec<f64>> = prefix[line..end]
+            .chunks(BAND * line)
             .map(|lines| {
                 let base = above.clone();
-                let last = &lines[lines.len() - width..];
-                above.iter_mut().zip(last).for_each(|(a, l)| (0..3).for_each(|c| a[c] += l[c]));
+                above.iter_mut().zip(&lines[lines.len() - line..]).for_each(|(a, l)| *a += l);
                 base
             })
             .collect();
-        prefix[width..].par_chunks_mut(BAND * width).zip(bases).skip(1).for_each(|(lines, base)| {
-            for line in lines.chunks_exact_mut(width) {
-                line.iter_mut().zip(&base).for_each(|(l, b)| (0..3).for_each(|c| l[c] += b[c]));
+        prefix[line..end].par_chunks_mut(BAND * line).zip(bases).skip(1).for_each(|(lines, base)| {
+            for line in lines.chunks_exact_mut(line) {
+                line.iter_mut().zip(&base).for_each(|(l, b)| *l += b);
             }
         });
-        Self { grid, prefix }
+        Self { grid, prefix, instructions }
     }
 
-    /// Adds ∫ P dφ over what a texel holds of an arc.
-    #[inline]
-    fn add(&self, part: Part, sum: &mut [f64; 3]) {
-        let index = part.row * self.grid.width() + part.column;
-        let (above, below) = (self.prefix[index], self.prefix[index + self.grid.width()]);
-        for c in 0..3 {
-            sum[c] += above[c] * part.length + (below[c] - above[c]) * part.depth;
+    /// Adds ∫ P dφ over what a texel holds of an arc; the fourth number means nothing.
+    #[inline(always)]
+    fn add<A: Arithmetic>(&self, part: Part, sum: &mut [f64; 4]) {
+        let index = 3 * (part.row * self.grid.width() + part.column);
+        let four = |at: usize| -> &[f64; 4] {
+            self.prefix[at..].first_chunk().expect("a number more than there are channels follows the last texel")
+        };
+        let (above, below) = (four(index), four(index + 3 * self.grid.width()));
+        for c in 0..4 {
+            let rest = A::fused(above[c], part.length - part.depth, sum[c]);
+            sum[c] = A::fused(below[c], part.depth, rest);
         }
     }
 }

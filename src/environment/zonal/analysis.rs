@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::fft::{Complex, Fft, separate};
-use super::lanes::{Arithmetic, InstructionSet, LANES, V, ZERO, add, compiled_for, scale, sub, total};
+use super::lanes::{Arithmetic, InstructionSet, LANES, V, ZERO, compiled_for, scale, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
 use crate::math::quadrature::Rule;
 
@@ -31,8 +31,8 @@ pub(super) trait Texels: Sync {
     fn shape(&self) -> [usize; 2];
     /// Whether anything in a row is not zero.
     fn occupied(&self, row: usize) -> bool;
-    /// Writes the channels of a row to one lane.
-    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]);
+    /// Writes the channels of two rows to one lane: their sum, and the first less the second.
+    fn read_rows(&self, rows: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]);
 }
 
 /// Eight rows of the north with their mirror images.
@@ -125,19 +125,15 @@ fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Plac
     (places, largest_sin)
 }
 
-/// Eight rows and their mirror images, in three channels; as complex numbers; and room for their transform.
+/// Sums and differences of eight rows and their mirror images, in three channels, and room for a transform.
 struct Lines {
-    north: [Vec<V>; 3],
-    south: [Vec<V>; 3],
-    x: Vec<Complex>,
+    channels: [Vec<Complex>; 3],
     spare: Vec<Complex>,
 }
 
 impl Lines {
     fn new(width: usize) -> Self {
-        let rows = || -> [Vec<V>; 3] { std::array::from_fn(|_| vec![ZERO; width]) };
-        let [x, spare] = [(); 2].map(|()| vec![Complex::ZERO; width]);
-        Self { north: rows(), south: rows(), x, spare }
+        Self { channels: [(); 3].map(|()| vec![Complex::ZERO; width]), spare: vec![Complex::ZERO; width] }
     }
 }
 
@@ -147,23 +143,19 @@ fn spectrum<A: Arithmetic>(
     rows: std::ops::Range<usize>,
     fft: &Fft,
     factors: &[(f64, f64)],
-    Lines { north, south, x, spare }: &mut Lines,
+    Lines { channels, spare }: &mut Lines,
 ) -> Vec<[V; 2 * PARTS]> {
     let [width, height] = map.shape();
     let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
     for lane in 0..LANES {
         let row = rows.start + lane;
         if row < rows.end {
-            map.read_row(row, lane, north);
-            map.read_row(height - 1 - row, lane, south);
+            map.read_rows([row, height - 1 - row], lane, channels);
         } else {
-            north.iter_mut().chain(&mut *south).flatten().for_each(|v| v[lane] = 0.0);
+            channels.iter_mut().flatten().for_each(|x| (x.re[lane], x.im[lane]) = (0.0, 0.0));
         }
     }
-    for channel in 0..3 {
-        for (x, (&north, &south)) in x.iter_mut().zip(north[channel].iter().zip(&south[channel])) {
-            *x = Complex { re: add(north, south), im: sub(north, south) };
-        }
+    for (channel, x) in channels.iter_mut().enumerate() {
         fft.forward::<A>(x, spare);
         for (m, (out, &factor)) in spectrum.iter_mut().zip(factors).enumerate() {
             let (even, odd) = separate(x[m % width], x[(width - m % width) % width]);

@@ -3,12 +3,14 @@
 //! Everything is written once, over arrays of eight `f64`; the compiler turns them into whatever vectors the enclosing function
 //! may use. Every sum has one order. Where a sum of products takes most of the time, [`Arithmetic`] fuses multiplication and addition if
 //! the instruction set does; there results differ by rounding, 1e-16 of the largest term.
+//!
+//! (Loops rather than closures: a closure that is not inlined is not compiled for the instructions that its caller chose.)
 
 /// Numbers in a vector.
-pub(super) const LANES: usize = 8;
+pub(in crate::environment) const LANES: usize = 8;
 
 /// Eight numbers.
-pub(super) type V = [f64; LANES];
+pub(in crate::environment) type V = [f64; LANES];
 
 /// Eight zeros.
 pub(super) const ZERO: V = [0.0; LANES];
@@ -48,7 +50,7 @@ impl InstructionSet {
     }
 
     /// Whether multiplication and addition are one instruction.
-    pub(super) fn fuses(self) -> bool {
+    pub(in crate::environment) fn fuses(self) -> bool {
         self == Self::Avx2 && Self::detect() == Self::Avx2
     }
 
@@ -66,28 +68,36 @@ impl InstructionSet {
 }
 
 /// How a b + c is rounded.
-pub(super) trait Arithmetic {
+pub(in crate::environment) trait Arithmetic {
     /// a b + c.
     fn fused(a: f64, b: f64, c: f64) -> f64;
 
     /// a b + c, eight times.
     #[inline(always)]
     fn mul_add(a: V, b: V, c: V) -> V {
-        std::array::from_fn(|i| Self::fused(a[i], b[i], c[i]))
+        let mut sum = c;
+        for i in 0..LANES {
+            sum[i] = Self::fused(a[i], b[i], c[i]);
+        }
+        sum
     }
 
     /// a s + c, eight times.
     #[inline(always)]
     fn scale_add(a: V, s: f64, c: V) -> V {
-        std::array::from_fn(|i| Self::fused(a[i], s, c[i]))
+        let mut sum = c;
+        for i in 0..LANES {
+            sum[i] = Self::fused(a[i], s, c[i]);
+        }
+        sum
     }
 }
 
 /// By an instruction that rounds once. Slow, if right, without one.
-pub(super) struct Once;
+pub(in crate::environment) struct Once;
 
 /// By two instructions, each of which rounds.
-pub(super) struct Twice;
+pub(in crate::environment) struct Twice;
 
 impl Arithmetic for Once {
     #[inline(always)]
@@ -107,13 +117,13 @@ impl Arithmetic for Twice {
 macro_rules! compiled_for {
     ($instructions:expr, $arithmetic:ident => $body:expr) => {
         if $instructions.fuses() {
-            type $arithmetic = $crate::environment::zonal::lanes::Once;
+            type $arithmetic = $crate::environment::zonal::Once;
             $instructions.run(
                 #[inline(always)]
                 || $body,
             )
         } else {
-            type $arithmetic = $crate::environment::zonal::lanes::Twice;
+            type $arithmetic = $crate::environment::zonal::Twice;
             $instructions.run(
                 #[inline(always)]
                 || $body,
@@ -121,26 +131,42 @@ macro_rules! compiled_for {
         }
     };
 }
-pub(super) use compiled_for;
+pub(in crate::environment) use compiled_for;
 
 #[inline(always)]
 pub(super) fn add(a: V, b: V) -> V {
-    std::array::from_fn(|i| a[i] + b[i])
+    let mut result = a;
+    for i in 0..LANES {
+        result[i] = a[i] + b[i];
+    }
+    result
 }
 
 #[inline(always)]
 pub(super) fn sub(a: V, b: V) -> V {
-    std::array::from_fn(|i| a[i] - b[i])
+    let mut result = a;
+    for i in 0..LANES {
+        result[i] = a[i] - b[i];
+    }
+    result
 }
 
 #[inline(always)]
 pub(super) fn mul(a: V, b: V) -> V {
-    std::array::from_fn(|i| a[i] * b[i])
+    let mut result = a;
+    for i in 0..LANES {
+        result[i] = a[i] * b[i];
+    }
+    result
 }
 
 #[inline(always)]
 pub(super) fn scale(a: V, s: f64) -> V {
-    std::array::from_fn(|i| a[i] * s)
+    let mut result = a;
+    for i in 0..LANES {
+        result[i] = a[i] * s;
+    }
+    result
 }
 
 /// The sum of the lanes, in one order.

@@ -24,6 +24,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 pub use lanes::InstructionSet;
+pub(super) use lanes::{Arithmetic, Once, Twice, compiled_for};
 
 use super::cube::{Cube, texel_direction};
 use super::full_sum::FullSum;
@@ -32,7 +33,7 @@ use super::panorama::Panorama;
 use super::peel::Peel;
 use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
-use lanes::{Arithmetic, V, compiled_for};
+use fft::Complex;
 use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
 use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
@@ -364,6 +365,14 @@ impl<'a> Rest<'a> {
         self.panorama.with_texels(texels)
     }
 
+    fn texel(&self, row: usize, column: usize) -> [f32; 3] {
+        let (changed, index) = (self.changed_in(row), row * self.panorama.width() + column);
+        match changed.binary_search_by_key(&index, |(index, _)| *index) {
+            Ok(at) => changed[at].1,
+            Err(_) => self.panorama.row(row)[column],
+        }
+    }
+
     fn changed_in(&self, row: usize) -> &[(usize, [f32; 3])] {
         let width = self.panorama.width();
         let start = self.changed.partition_point(|(index, _)| *index < row * width);
@@ -406,17 +415,25 @@ impl Texels for Rest<'_> {
         self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.mean) || !self.changed_in(row).is_empty()
     }
 
-    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]) {
-        let [red, green, blue] = to;
+    fn read_rows(&self, [north, south]: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]) {
+        let set = |to: &mut Complex, north: f32, south: f32, mean: f64| {
+            let (north, south) = (f64::from(north) - mean, f64::from(south) - mean);
+            (to.re[lane], to.im[lane]) = (north + south, north - south);
+        };
         let mean = self.mean;
-        for (((r, g), b), texel) in red.iter_mut().zip(green).zip(blue).zip(self.panorama.row(row)) {
-            r[lane] = f64::from(texel[0]) - mean[0];
-            g[lane] = f64::from(texel[1]) - mean[1];
-            b[lane] = f64::from(texel[2]) - mean[2];
+        let [red, green, blue] = to;
+        let rows = self.panorama.row(north).iter().zip(self.panorama.row(south));
+        for (((r, g), b), (north, south)) in red.iter_mut().zip(green).zip(blue).zip(rows) {
+            set(r, north[0], south[0], mean[0]);
+            set(g, north[1], south[1], mean[1]);
+            set(b, north[2], south[2], mean[2]);
         }
-        for &(index, texel) in self.changed_in(row) {
-            let column = index - row * self.panorama.width();
-            (0..3).for_each(|c| to[c][column][lane] = f64::from(texel[c]) - mean[c]);
+        for row in [north, south] {
+            for &(index, _) in self.changed_in(row) {
+                let column = index % self.panorama.width();
+                let texels = [north, south].map(|row| self.texel(row, column));
+                (0..3).for_each(|c| set(&mut to[c][column], texels[0][c], texels[1][c], mean[c]));
+            }
         }
     }
 }
