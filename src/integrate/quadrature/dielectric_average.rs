@@ -139,16 +139,16 @@ impl<'a> Average<'a> {
     fn scattered(&self, rung: &Rung) -> [f64; 2] {
         let eta = self.interface.eta;
         if eta < 1.0 {
-            let [down] = self.from_outside(rung, |facet, circle| [self.through_circle(facet, circle, rung)]);
+            let [down] = self.over_outside(rung, |facet, circle| [self.through_circle(facet, circle, rung)]);
             return [self.reflected_inside(rung), eta * eta * down];
         }
-        self.from_outside(rung, |facet, circle| {
+        self.over_outside(rung, |facet, circle| {
             [self.reflected_by_circle(circle, rung), self.through_circle(facet, circle, rung)]
         })
     }
 
     /// 2 ∫ D sinθ ∫ f dβ dθ where F, as a function of β, is that of the thinner side.
-    fn from_outside<const K: usize>(&self, rung: &Rung, f: impl Fn(&Facet, &Circle) -> [f64; K]) -> [f64; K] {
+    fn over_outside<const K: usize>(&self, rung: &Rung, f: impl Fn(&Facet, &Circle) -> [f64; K]) -> [f64; K] {
         let grazing = plain((0.5 * self.angle).min(self.beyond_grazing()));
         self.over_facets(None, rung, |facet| {
             // Of a circle wholly above the horizon, the lowest direction may come as near to the pole of G2 below it.
