@@ -202,7 +202,6 @@ fn tables_as_engines_make_them_are_recognised() {
 }
 
 #[test]
-#[ignore = "known fault: the search starts from whole ranges, and two cropped axes at once are too far from them"]
 fn a_cropped_table_says_what_it_covers() {
     // Rows 8 to 31 and columns 4 to 27 of 32.
     let engine = Engine { size: [24, 24], place: |x, y| [(x + 4.5) / 32.0, (y + 8.5) / 32.0], samples: 2048, ..PLAIN };

@@ -109,5 +109,8 @@ fn text(name: &str, found: &Identification) -> String {
     for command in &found.commands {
         text += &format!("as it should be: {command}\n");
     }
+    for command in &found.commands_as_it_is {
+        text += &format!("as it is: {command}\n");
+    }
     text + "\n"
 }

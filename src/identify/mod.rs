@@ -24,7 +24,7 @@ use crate::integrate::{Integration, Settings};
 use crate::table::TableSpec;
 use crate::table::quantity::evaluate_family;
 use rayon::prelude::*;
-use search::{Data, Hypothesis};
+use search::{Arrangement, Data, Hypothesis};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -82,6 +82,8 @@ pub struct Identification {
     pub words: Vec<String>,
     /// The commands that bake the table as it should be.
     pub commands: Vec<String>,
+    /// The commands that bake it as it is, where that is not as it should be and a displaced axis says all that is wrong.
+    pub commands_as_it_is: Vec<String>,
     /// The same, to be judged by.
     #[serde(skip)]
     pub claim: Claim,
@@ -177,11 +179,17 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
         return Ok(vec![vec![]; channels.len()]);
     }
     let mut fitted: Vec<Vec<(Hypothesis, f64)>> = vec![vec![]; channels.len()];
-    // Tables with a parameter fixed, and curves, are looked into only where nothing simpler explains the channel.
-    let rounds: [(usize, &[Curve]); 3] =
-        [(n_axes, &[Curve::Plain]), (n_axes, &[Curve::Ratio, Curve::Srgb]), (n_axes + 1, &[Curve::Plain])];
-    for (master_axes, curves) in rounds {
-        if master_axes > 3 || (n_axes == 1 && master_axes == 2) {
+    // Cropped tables, curves, and tables with a parameter fixed are looked into only where nothing simpler explains the channel.
+    let rounds: [(usize, &[Curve], Arrangement); 4] = [
+        (n_axes, &[Curve::Plain], Arrangement::Whole),
+        (n_axes, &[Curve::Plain], Arrangement::Cropped),
+        (n_axes, &[Curve::Ratio, Curve::Srgb], Arrangement::Whole),
+        (n_axes + 1, &[Curve::Plain], Arrangement::Whole),
+    ];
+    for (master_axes, curves, arrangement) in rounds {
+        // Of volumes, the ways to crop them are too many to be tried.
+        let too_many = n_axes == 3 && arrangement == Arrangement::Cropped;
+        if master_axes > 3 || (n_axes == 1 && master_axes == 2) || too_many {
             continue;
         }
         let open: Vec<usize> = (0..channels.len())
@@ -195,7 +203,7 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
         }
         let masters = masters::load(master_axes, options.cache)?;
         let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
-        let found = search::search(&data, &masters, curves, FITTED);
+        let found = search::search(&data, &masters, curves, arrangement, FITTED);
         for ((c, data), hypotheses) in open.into_iter().zip(&data).zip(found) {
             let choice = search::fine(&data.sizes);
             let new: Vec<(Hypothesis, f64)> = hypotheses
@@ -302,7 +310,9 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
                     let mut h = Hypothesis { master: Arc::clone(&master), quantity, ..anchor.clone() };
                     h.encoding.curve = curve;
                     let values: Vec<f64> = data.at(&choice).into_iter().map(|v| curve.undo(v)).collect();
-                    shared.push(search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding));
+                    let (h, cost) = search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding);
+                    let price = search::price_of_ranges(&h);
+                    shared.push((h, cost * price));
                 }
             }
         }

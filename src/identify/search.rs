@@ -4,6 +4,7 @@
 use super::masters::{Master, Taps};
 use super::ramp::{Place, Ramp, ramps};
 use crate::claim::{Curve, Encoding};
+use crate::math::warp::Warp;
 use crate::table::{Axis, Parameter};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -176,6 +177,8 @@ const PRICE_OF_ANY: f64 = 4.0;
 const PRICE_OF_KNOWN: f64 = 1.5;
 /// The same for a curve.
 const PRICE_OF_CURVE: f64 = 2.0;
+/// The same for every dimension whose ends had to be fitted.
+const PRICE_OF_RANGE: f64 = 1.25;
 /// Factors and offsets that tables are stored with.
 const KNOWN: [(f64, f64); 12] = [
     (1.0, 0.0),
@@ -251,8 +254,28 @@ fn assignments(n_dimensions: usize, n_parameters: usize) -> Vec<Vec<usize>> {
 /// Values that a parameter without a dimension is tried at, in parts of its nodes.
 const FREE: [f64; 5] = [0.15, 0.35, 0.55, 0.75, 0.95];
 
+/// What is tried of every dimension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrangement {
+    /// The whole range, in every warp.
+    Whole,
+    /// Parts of the range without a warp: whoever cuts a table mostly cuts a plain one.
+    Cropped,
+}
+
+/// What may be missing at either end of a cropped range, in parts of it: fitting finds what lies between.
+const CUT: [f64; 3] = [0.0, 0.15, 0.3];
+
 /// Every ramp of a dimension: flipped or not, and for tables of few texels at centres and at edges.
-fn variants(nodes: &Axis, size: usize, both: bool) -> Vec<Ramp> {
+fn variants(nodes: &Axis, size: usize, both: bool, arrangement: Arrangement) -> Vec<Ramp> {
+    if arrangement == Arrangement::Cropped {
+        return ramps(nodes, size)
+            .into_iter()
+            .filter(|ramp| ramp.warp == Warp::Linear && ramp.parameter.range().is_some())
+            .flat_map(|ramp| CUT.map(|low| CUT.map(|high| ramp.covering(low, 1.0 - high))).concat())
+            .flat_map(|ramp| [false, true].map(|flip| Ramp { flip, ..ramp }))
+            .collect();
+    }
     let places: &[Place] = if both { &[Place::Centre(0.0), Place::Edge(0.0)] } else { &[Place::Centre(0.0)] };
     ramps(nodes, size)
         .into_iter()
@@ -262,7 +285,13 @@ fn variants(nodes: &Axis, size: usize, both: bool) -> Vec<Ramp> {
 }
 
 /// The best hypotheses of each channel: at most `most`, of different kinds, cheapest first.
-pub fn search(channels: &[Data], masters: &[Arc<Master>], curves: &[Curve], most: usize) -> Vec<Vec<Hypothesis>> {
+pub fn search(
+    channels: &[Data],
+    masters: &[Arc<Master>],
+    curves: &[Curve],
+    arrangement: Arrangement,
+    most: usize,
+) -> Vec<Vec<Hypothesis>> {
     let Some(sizes) = channels.first().map(|c| &c.sizes) else { return vec![] };
     let choice = choice(sizes, COARSE[sizes.len() - 1]);
     // (channel, curve, its values through the curve's inverse)
@@ -291,7 +320,14 @@ pub fn search(channels: &[Data], masters: &[Arc<Master>], curves: &[Curve], most
         .collect();
     let found: Vec<(usize, f64, Hypothesis)> = jobs
         .par_iter()
-        .flat_map_iter(|(master, varies, free)| try_all(master, varies, *free, sizes, &choice, &values, channels))
+        .flat_map_iter(|(master, varies, free)| {
+            // Half a texel is found by fitting, unless texels are few.
+            let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
+            let nodes = &master.definition.nodes;
+            let ramps: Vec<Vec<Ramp>> =
+                varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
+            try_all(master, varies, *free, &ramps, &choice, &values, channels)
+        })
         .collect();
     let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
     for (c, cost, hypothesis) in found {
@@ -326,18 +362,13 @@ fn try_all(
     master: &Arc<Master>,
     varies: &[usize],
     free: Option<f64>,
-    sizes: &[usize],
+    per_dimension: &[Vec<Ramp>],
     choice: &Choice,
     values: &[(usize, Curve, Vec<f64>)],
     channels: &[Data],
 ) -> Vec<(usize, f64, Hypothesis)> {
-    let nodes = &master.definition.nodes;
-    // Half a texel is found by fitting, unless texels are few.
-    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
-    let per_dimension: Vec<Vec<Ramp>> =
-        varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both)).collect();
     let mut combinations: Vec<Vec<Ramp>> = vec![vec![]];
-    for ramps in &per_dimension {
+    for ramps in per_dimension {
         combinations = combinations
             .iter()
             .flat_map(|so_far| ramps.iter().map(move |r| [so_far.as_slice(), &[*r]].concat()))
@@ -500,6 +531,11 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
     x
 }
 
+/// What the ranges cost that had to be fitted although the whole is known.
+pub fn price_of_ranges(hypothesis: &Hypothesis) -> f64 {
+    hypothesis.ramps.iter().filter(|ramp| ramp.is_fitted()).map(|_| PRICE_OF_RANGE).product()
+}
+
 /// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
 const SIMPLE_IS_AS_GOOD: f64 = 1.15;
 
@@ -515,7 +551,7 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
             // Farther than two texels from what was fitted at either end is not what was fitted.
             (first - ramp.first).abs() < 2.0 / n && (last(first, step) - last(ramp.first, ramp.step)).abs() < 2.0 / n
         };
-        let range_is_free = ramp.parameter.range().is_none() && ramp.warp != crate::math::warp::Warp::F0FourthRoot;
+        let range_is_free = ramp.parameter.range().is_none() && ramp.warp != Warp::F0FourthRoot;
         let places = Place::ALL.into_iter().filter(close).map(Some);
         if range_is_free { places.take(2).chain([None]).collect() } else { places.chain([None]).collect() }
     };
@@ -545,5 +581,7 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
     let best = tried.iter().map(|t| t.2).fold(f64::INFINITY, f64::min);
     tried.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)));
     let simplest = tried.into_iter().find(|(_, _, cost)| *cost <= SIMPLE_IS_AS_GOOD * best);
-    simplest.map_or_else(|| (fitted.clone(), best), |(_, hypothesis, cost)| (hypothesis, cost))
+    let (hypothesis, cost) = simplest.map_or_else(|| (fitted.clone(), best), |(_, h, cost)| (h, cost));
+    let price = price_of_ranges(&hypothesis);
+    (hypothesis, cost * price)
 }
