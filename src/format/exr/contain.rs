@@ -1,7 +1,7 @@
 //! Turning panics of the `exr` crate into errors.
 //!
 //! On malformed files that crate (1.74) mostly returns errors, but in places it overflows or indexes out of bounds: some
-//! of the mutated files in `tests/malformed_files.rs` made it panic, and no check beforehand can know them all. It has no unsafe code and all that it owns is dropped, so that nothing is left in a bad state. (A build with
+//! of the mutated files in `tests/suite/malformed_files.rs` made it panic, and no check beforehand can know them all. It has no unsafe code and all that it owns is dropped, so that nothing is left in a bad state. (A build with
 //! `panic = "abort"` loses this.)
 
 use std::cell::Cell;

@@ -3,16 +3,14 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
-mod support;
-
+use crate::support::kiln::succeed;
+use crate::support::{browser, tools};
 use kiln::format::{Image, exr};
 use kiln::integrate::{Integration, Settings};
 use kiln::pack::Number;
 use kiln::table::{Model, Parameter, Point, quantity};
 use std::collections::HashMap;
 use std::path::Path;
-use support::kiln::succeed;
-use support::{browser, tools};
 
 /// Pixels along an edge of the pictures.
 const SIZE: usize = 128;

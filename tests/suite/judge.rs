@@ -2,8 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
-mod support;
-
+use crate::support::samples::Random;
 use kiln::bake;
 use kiln::format::grid::{Described, Grid};
 use kiln::format::{Decoded, FormatSpec, decode, exr, ktx2};
@@ -14,7 +13,6 @@ use kiln::table::named::TABLES;
 use kiln::verify;
 use std::path::Path;
 use std::process::Command;
-use support::samples::Random;
 
 /// Which masking term an engine's baker has.
 #[derive(Clone, Copy, PartialEq)]

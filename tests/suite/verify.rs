@@ -1,7 +1,6 @@
 //! Verification catches spoiled files, by physics and by both witnesses, not only by the digest.
 
-mod support;
-
+use crate::support::kiln::{fail, kiln, succeed};
 use kiln::bake;
 use kiln::certificate::{Certificate, KEY, digest};
 use kiln::format::{FormatSpec, Image, exr, ktx2};
@@ -10,7 +9,6 @@ use kiln::recipe::{EnvironmentRecipe, TableRecipe};
 use kiln::table::{Axis, Parameter, Sampling};
 use kiln::verify::{self, Options, Report};
 use std::path::Path;
-use support::kiln::{fail, kiln, succeed};
 
 const SIZE: usize = 16;
 

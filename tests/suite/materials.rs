@@ -1,10 +1,8 @@
 //! Materials: their data, and the command that uses them.
 
-mod support;
-
+use crate::support::kiln::{fail, succeed};
 use kiln::material::{MATERIALS, Reflectance, find, srgb_byte};
 use kiln::model::fresnel::{conductor, f0_of_eta};
-use support::kiln::{fail, succeed};
 
 /// The bytes that go with the linear values, written down from memory of the tables that game engines circulate: not read here.
 const SRGB: [(&str, [u8; 3]); 13] = [

@@ -1,7 +1,6 @@
 //! Presets of engines: that each can be baked and verified, and that what it says agrees with the engine's own formulas.
 
-mod support;
-
+use crate::support::kiln::{fail, kiln, listing, succeed};
 use glam::DVec3;
 use kiln::bake::{self, Baked, ShFile};
 use kiln::engine::{self, ENGINES, Engine, RoughnessMap};
@@ -12,7 +11,6 @@ use kiln::recipe::{IrradianceKind, Recipe};
 use kiln::table::{Axis, Sampling};
 use kiln::verify::{self, Options};
 use std::path::Path;
-use support::kiln::{fail, kiln, listing, succeed};
 
 /// Small enough to be baked in a moment, large enough for every layout.
 const AXIS: usize = 6;

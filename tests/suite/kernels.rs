@@ -3,14 +3,12 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
-mod support;
-
+use crate::support::kiln::{fail, succeed};
 use glam::DVec3;
 use kiln::environment::{
     FullSum, InstructionSet, Kernel, KernelKind, MonteCarlo, Panorama, View, ViewLobe, ViewMonteCarlo, Zonal,
 };
 use kiln::math::sobol::PointSet;
-use support::kiln::{fail, succeed};
 
 /// Texels in [0, 1), times ten in every seventh, black in some, with a sun of 1e5 in one.
 fn lit([width, height]: [usize; 2], seed: u64, sun: (usize, usize)) -> Panorama {

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
-mod support;
-
+use crate::support::samples::Random;
+use crate::support::tools;
 use kiln::bake;
 use kiln::convert::{Conversion, Shape, convert};
 use kiln::format::{self, Container, Decoded, FormatSpec, Texture, Variant, dds, hdr, ktx2};
@@ -11,8 +11,6 @@ use kiln::pack::{Number, TexelFormat, bc6h};
 use kiln::recipe::{EnvironmentRecipe, TableRecipe};
 use kiln::verify::{self, Options};
 use std::path::{Path, PathBuf};
-use support::samples::Random;
-use support::tools;
 
 fn file(folder: &tempfile::TempDir, name: &str, bytes: &[u8]) -> PathBuf {
     let path = folder.path().join(name);

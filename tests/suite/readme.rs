@@ -1,8 +1,6 @@
 //! The README shows real output of real commands: this runs every one of them.
 
-mod support;
-
-use support::kiln::kiln;
+use crate::support::kiln::kiln;
 
 /// The console blocks: commands with what they print.
 fn commands(readme: &str) -> Vec<(String, String)> {
@@ -28,7 +26,7 @@ fn commands(readme: &str) -> Vec<(String, String)> {
 
 #[test]
 fn every_command_of_the_readme_prints_what_it_shows() {
-    let readme = include_str!("../README.md");
+    let readme = include_str!("../../README.md");
     let commands = commands(readme);
     assert!(commands.len() >= 5, "only {} commands", commands.len());
     let folder = tempfile::tempdir().expect("a folder");

@@ -2,12 +2,10 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
-mod support;
-
+use crate::support::samples::{Random, cube, hdr as hdr_sample, picture};
 use kiln::format::{decode_image, exr, hdr, ktx2};
 use kiln::pack::{Number, TexelFormat};
 use std::panic::catch_unwind;
-use support::samples::{Random, cube, hdr as hdr_sample, picture};
 
 fn exr_sample() -> Vec<u8> {
     exr::encode(&picture(24, 20, &["R", "G", "B"]), Number::F16).unwrap().0

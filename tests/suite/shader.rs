@@ -2,8 +2,10 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
-mod support;
-
+use crate::support::bilinear::sample;
+use crate::support::f32_error::{ULP, evaluate};
+use crate::support::samples::Random;
+use crate::support::{browser, tools};
 use kiln::certificate::Certificate;
 use kiln::environment::Orientation;
 use kiln::environment::spherical_harmonics::SphericalHarmonics;
@@ -20,10 +22,6 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 use std::sync::LazyLock;
-use support::bilinear::sample;
-use support::f32_error::{ULP, evaluate};
-use support::samples::Random;
-use support::{browser, tools};
 
 /// The parts of axes that each warp can have: how it is written, in which range.
 fn every_axis(parameter: &str, size: usize) -> Vec<String> {
@@ -859,7 +857,7 @@ fn direction(random: &mut Random) -> [f32; 3] {
 
 #[test]
 fn the_command_writes_code_beside_what_it_bakes() {
-    use support::kiln::{fail, listing, succeed};
+    use crate::support::kiln::{fail, listing, succeed};
     let folder = tempfile::tempdir().unwrap();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
     let table =

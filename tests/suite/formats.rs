@@ -2,16 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
-mod support;
-
+use crate::support::samples::{cube, hdr as hdr_sample, picture};
+use crate::support::tools;
 use image::ImageDecoder;
 use kiln::format::{self, Image, Texture, exr, hdr, ktx2};
 use kiln::pack::{Number, TexelFormat};
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
-use support::samples::{cube, hdr as hdr_sample, picture};
-use support::tools;
 
 const CHANNELS: [&str; 3] = ["ggx.scale", "R", "ggx.bias"];
 

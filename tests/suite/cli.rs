@@ -1,11 +1,9 @@
 //! The command: its contracts, and bad input of every kind.
 
-mod support;
-
+use crate::support::kiln::{fail, kiln, listing, succeed};
 use kiln::format::{Image, exr, ktx2};
 use kiln::pack::Number;
 use std::path::Path;
-use support::kiln::{fail, kiln, listing, succeed};
 
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a folder")

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
-mod support;
-
+use crate::support::kiln::{fail, listing, succeed};
+use crate::support::samples::Random;
 use kiln::colour::{Primaries, TargetColour};
 use kiln::environment::cube::{face_point, texel_direction};
 use kiln::environment::spherical_harmonics::{basis, project};
@@ -16,8 +16,6 @@ use kiln::math::quadrature::gauss_legendre;
 use kiln::pack::Number;
 use std::f64::consts::PI;
 use std::path::Path;
-use support::kiln::{fail, listing, succeed};
-use support::samples::Random;
 
 /// Colours of +X −X +Y −Y +Z −Z, no two alike in any channel.
 const COLOURS: [[f32; 3]; 6] =

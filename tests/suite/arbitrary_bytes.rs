@@ -5,8 +5,7 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
-mod support;
-
+use crate::support::samples::{Random, cube, hdr as hdr_sample, picture};
 use kiln::certificate::Certificate;
 use kiln::environment::{InputLayout, Negatives, NonFinite, Reading, load};
 use kiln::format::{
@@ -15,7 +14,6 @@ use kiln::format::{
 use kiln::pack::{Number, TexelFormat};
 use kiln::recipe::{EnvironmentRecipe, Recipe};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use support::samples::{Random, cube, hdr as hdr_sample, picture};
 
 /// Numbers that headers break on.
 const HOSTILE: [u32; 9] = [0, 1, 0x7f, 0xff, 0x7fff_ffff, 0x8000_0000, 0xffff_fff0, 0xffff_ffff, 0x0010_0000];

@@ -1,0 +1,29 @@
+//! All integration tests, in one program: they share two cores better than one program after the other, and link once.
+
+mod support;
+
+mod arbitrary_bytes;
+mod chains;
+mod cli;
+mod containers;
+mod dielectric;
+mod diffuse;
+mod engines;
+mod environment;
+mod every_table;
+mod families;
+mod formats;
+mod fresnel;
+mod grazing;
+mod inputs;
+mod judge;
+mod kernels;
+mod layered;
+mod limits;
+mod loaders;
+mod malformed_files;
+mod materials;
+mod models;
+mod readme;
+mod shader;
+mod verify;
