@@ -64,6 +64,9 @@ impl Identify {
 
 fn text(name: &str, found: &Identification) -> String {
     let mut text = format!("{name}: {}\n", found.file);
+    if let Some(packing) = found.packing {
+        text += &format!("its bytes make sense as codes of {packing} only; --packing {packing} says so\n");
+    }
     let number = |v: Option<f64>, digits: usize| v.map_or(String::new(), |v| format!("{v:.digits$e}"));
     let rows: Vec<Vec<String>> = found
         .channels

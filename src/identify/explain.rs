@@ -117,7 +117,17 @@ pub(super) fn explain(
     let displaced = as_it_is.channels.iter().any(|c| c.spec.axes.iter().any(|axis| axis.shift != 0.0));
     let commands_as_it_is = if displaced { commands(&as_it_is, grid, "-as-it-is") } else { vec![] };
     let commands = commands(&claim, grid, "");
-    Ok(Identification { file: grid.summary(), confidence, channels, axes, words, commands, commands_as_it_is, claim })
+    Ok(Identification {
+        file: grid.summary(),
+        packing: None,
+        confidence,
+        channels,
+        axes,
+        words,
+        commands,
+        commands_as_it_is,
+        claim,
+    })
 }
 
 fn constant(grid: &Grid, c: usize) -> ChannelFinding {

@@ -20,7 +20,9 @@ pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
 use crate::claim::{Claim, ClaimedChannel, Curve};
 use crate::error::{Error, Result};
 use crate::format::Grid;
+use crate::format::grid::PACKINGS;
 use crate::integrate::{Integration, Settings};
+use crate::pack::TexelFormat;
 use crate::table::TableSpec;
 use crate::table::quantity::evaluate_family;
 use rayon::prelude::*;
@@ -72,6 +74,8 @@ impl Confidence {
 pub struct Identification {
     /// Size, channels, precision and container.
     pub file: String,
+    /// What the file's bytes are codes of, where it does not say so and they make no sense otherwise.
+    pub packing: Option<TexelFormat>,
     /// The least sure of the channels.
     pub confidence: Confidence,
     /// What each channel holds.
@@ -117,10 +121,26 @@ const GOOD: f64 = 0.01;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
 
-/// Finds out what `grid` holds.
+/// Finds out what `grid` holds; where its bytes make no sense as they are, what they hold as codes of a packing.
 ///
 /// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
 pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
+    let mut best = identify_numbers(grid, options)?;
+    for packing in PACKINGS {
+        if best.unexplained().is_empty() {
+            break;
+        }
+        let Some(unpacked) = grid.unpacked(packing) else { continue };
+        let other = identify_numbers(&unpacked, options)?;
+        // Four channels become three: one unknown less proves nothing.
+        if other.unexplained().is_empty() {
+            best = Identification { packing: Some(packing), ..other };
+        }
+    }
+    Ok(best)
+}
+
+fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
     let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
     if grid.texels() < FEWEST_TEXELS || sizes.iter().any(|&s| s < FEWEST_ALONG) {
         return Err(Error::unsupported(
@@ -183,7 +203,7 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
     let rounds: [(usize, &[Curve], Arrangement); 4] = [
         (n_axes, &[Curve::Plain], Arrangement::Whole),
         (n_axes, &[Curve::Plain], Arrangement::Cropped),
-        (n_axes, &[Curve::Ratio, Curve::Srgb], Arrangement::Whole),
+        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma], Arrangement::Whole),
         (n_axes + 1, &[Curve::Plain], Arrangement::Whole),
     ];
     for (master_axes, curves, arrangement) in rounds {
