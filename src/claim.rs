@@ -156,13 +156,15 @@ impl Claim {
             (None, true) => return Err(Error::usage("quantities without axes", "give --axes, such as mu,roughness")),
         };
         let sizes: Vec<usize> = grid.size.into_iter().take(axes.len()).collect();
+        // An axis of one texel says nothing of its parameter: a picture is no volume of one slice.
+        let flat = sizes.iter().any(|&size| size == 1);
         let beyond = grid.size.iter().skip(axes.len()).any(|&s| s != 1);
-        if beyond || sizes.len() < axes.len() {
+        if beyond || flat || sizes.len() < axes.len() {
             return Err(Error::invalid(
                 format!(
-                    "{} texels, where {} axes were said to be",
+                    "{} texels, where {} said to be",
                     grid.size.map(|s| s.to_string()).join(" × "),
-                    axes.len()
+                    if axes.len() == 1 { "one axis was".to_owned() } else { format!("{} axes were", axes.len()) }
                 ),
                 "give an axis per dimension with --axes, or the shape with --shape",
             ));
@@ -184,7 +186,7 @@ impl Claim {
         let by_name = names.iter().all(|name| grid.channels.iter().any(|c| c.name == *name));
         if names.len() > grid.channels.len() {
             return Err(Error::invalid(
-                format!("{} channels, where {} were said to be", grid.channels.len(), names.len()),
+                format!("{} of the {} channels that were said to be", grid.channels.len(), names.len()),
                 "name the quantities that are there with --channels",
             ));
         }

@@ -46,10 +46,18 @@ pub fn files(text: &str) -> Vec<Embedded> {
 /// **Errors**: several of which none is chosen, files and arrays together; the message lists the names.
 pub fn choose(text: &str, name: Option<&str>) -> Result<Option<Embedded>> {
     let mut found = files(text);
-    if let Some(name) = name {
-        return Ok(found.into_iter().find(|file| file.name == name));
-    }
     let arrays = literals::arrays(text);
+    if let Some(name) = name {
+        let named = found.iter().position(|file| file.name == name).map(|i| found.swap_remove(i));
+        if named.is_none() && arrays.is_empty() && !found.is_empty() {
+            let names: Vec<String> = found.iter().map(|f| f.name.escape_debug().to_string()).collect();
+            return Err(Error::usage(
+                format!("no file called {name:?} among {}", names.join(", ")),
+                "give one of these with --array",
+            ));
+        }
+        return Ok(named);
+    }
     match (found.len(), arrays.len()) {
         (0, _) => Ok(None),
         (1, 0) => Ok(found.pop()),
@@ -102,6 +110,8 @@ mod tests {
         assert!(message.contains("2 files in base64 and 1 arrays in one text: a, b, c"), "{message}");
         assert_eq!(choose(&two, Some("b")).unwrap().unwrap().name, "b");
         assert_eq!(choose(&two, Some("c")).unwrap(), None, "an array");
+        let message = choose(&format!("a = \"{code}\";"), Some("b")).unwrap_err().to_string();
+        assert!(message.contains("no file called \"b\" among a;"), "{message}");
         // Lifetimes and characters are no strings.
         assert!(choose("fn f<'a>(x: &'a [f32]) -> char { 'x' }", None).unwrap().is_none());
     }

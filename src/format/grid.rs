@@ -340,7 +340,8 @@ impl Grid {
             return None;
         }
         let codes: Vec<u8> = self.values.iter().map(|v| (v * 255.0).round() as u8).collect();
-        let values = packing.unpack(self.size[0], self.size[1] * self.size[2], &codes).into_iter().map(f64::from).collect();
+        let values =
+            packing.unpack(self.size[0], self.size[1] * self.size[2], &codes).into_iter().map(f64::from).collect();
         let source = format!("{} as {packing}", self.source);
         Self::of_named(self.size, letters(3), values, source, packing).ok()
     }

@@ -73,8 +73,10 @@ const FARTHER: f64 = 1.5;
 /// Parts of a channel's variation that may be left for it to be likely, and possible.
 const LITTLE: f64 = 1.0 / 30.0;
 const MUCH: f64 = 0.1;
-/// The same where a factor and an offset of no meaning had to be fitted, or a curve and a range: more numbers explain a lot.
+/// The same where a factor and an offset of no meaning had to be fitted, or two ranges, or a curve and a range: more numbers explain a lot.
 const MUCH_OF_ANY: f64 = 0.01;
+/// The same where both were: a smooth product of two functions is met as closely as that.
+const MUCH_OF_ANYTHING: f64 = 0.001;
 
 pub(super) fn explain(
     grid: &Grid,
@@ -173,13 +175,14 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
     let times_rounding = best.rms / data.rounding.max(1e-7);
     let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
     let encoding = best.hypothesis.encoding;
-    let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.is_fitted()).count();
+    let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
     let curved = encoding.curve != Curve::Plain;
     // The more is free, the less a middling fit says.
     let most = match (is_named(&encoding), fitted) {
-        (false, _) => MUCH_OF_ANY,
-        (true, 1..) if curved => MUCH_OF_ANY,
-        (true, 2..) => LITTLE,
+        (false, 1..) => MUCH_OF_ANYTHING,
+        (false, 0) | (true, 2..) => MUCH_OF_ANY,
+        (true, 1) if curved => MUCH_OF_ANY,
+        (true, 1) => LITTLE,
         _ => MUCH,
     };
     let confidence = if relative > most {
@@ -285,6 +288,7 @@ fn axes(hypothesis: &Hypothesis) -> Vec<AxisFinding> {
             let place = match ramp.place() {
                 Some(Place::Centre(_)) => "texels hold their centres",
                 Some(Place::Edge(_)) => "the outermost texels hold the ends",
+                None if ramp.shift().is_some() => "texels hold about their centres",
                 None => "neither centres nor edges of the whole range",
             };
             let place = match ramp.shift() {

@@ -100,6 +100,11 @@ impl Identification {
         faults.iter().map(|fault| format!("the table is {fault}; it is judged as it should be")).collect()
     }
 
+    /// What the worst channel leaves, in parts of its variation.
+    fn left(&self) -> f64 {
+        self.channels.iter().filter_map(|c| c.relative).fold(0.0, f64::max)
+    }
+
     /// The channels that nothing explains, in sentences.
     pub fn unexplained(&self) -> Vec<String> {
         let unknown = self.channels.iter().filter(|c| c.confidence == Confidence::Unknown);
@@ -126,14 +131,16 @@ const HOPELESS: f64 = 0.5;
 /// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
 pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
     let mut best = identify_numbers(grid, options)?;
+    // Codes that all have the same fourth byte are as good as a curve.
+    let codes = grid.channels.len() == 4 && channel_data(grid, 3, &[]).is_some();
     for packing in PACKINGS {
-        if best.unexplained().is_empty() {
+        if !codes || best.confidence >= Confidence::Likely {
             break;
         }
         let Some(unpacked) = grid.unpacked(packing) else { continue };
         let other = identify_numbers(&unpacked, options)?;
-        // Four channels become three: one unknown less proves nothing.
-        if other.unexplained().is_empty() {
+        if other.confidence > Confidence::Unknown && (other.confidence, -other.left()) > (best.confidence, -best.left())
+        {
             best = Identification { packing: Some(packing), ..other };
         }
     }
@@ -173,7 +180,12 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     let n = finite.len() as f64;
     let mean = finite.iter().sum::<f64>() / n;
-    let spread = (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let mut squares: Vec<f64> = finite.iter().map(|v| (v - mean).powi(2)).collect();
+    let whole = (squares.iter().sum::<f64>() / n).sqrt();
+    squares.sort_by(f64::total_cmp);
+    let most = &squares[..(squares.len() * 9).div_ceil(10)];
+    // Residuals are counted without the worst tenth: so must be a channel that varies there only.
+    let spread = whole.min(2.0 * (most.iter().sum::<f64>() / most.len().max(1) as f64).sqrt());
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.
     let squares = finite.iter().map(|&v| stored.step(v).powi(2) / 12.0).sum::<f64>();

@@ -1,7 +1,7 @@
 //! Trying every master over every simple arrangement of axes, on a choice of texels; then fitting shifts, ranges and factors of those
 //! that come nearest.
 
-use super::masters::{Master, Taps};
+use super::masters::{Master, Taps, along};
 use super::ramp::{Place, Ramp, ramps};
 use crate::claim::{Curve, Encoding};
 use crate::math::warp::Warp;
@@ -121,20 +121,19 @@ fn in_table_order(values: &[f64], taps: &[Vec<Taps>], varies: &[usize]) -> Vec<f
     if varies.windows(2).all(|w| w[0] < w[1]) {
         return values.to_vec();
     }
-    let strides: Vec<usize> = (0..taps.len()).map(|p| taps[..p].iter().map(Vec::len).product()).collect();
+    let counts: Vec<usize> = taps.iter().map(Vec::len).collect();
+    table_order(&counts, varies).into_iter().map(|i| values[i]).collect()
+}
+
+/// Where, among values over parameters of so many each, the first fastest, those stand that a table has one after the other.
+fn table_order(counts: &[usize], varies: &[usize]) -> Vec<usize> {
+    let strides: Vec<usize> = (0..counts.len()).map(|p| counts[..p].iter().product()).collect();
     let mut order = vec![0];
     for &p in varies.iter().rev() {
-        order = order
-            .iter()
-            .flat_map(|base| {
-                (0..taps[p].len()).map({
-                    let stride = strides[p];
-                    move |i| base + i * stride
-                })
-            })
-            .collect();
+        let stride = strides[p];
+        order = order.iter().flat_map(|base| (0..counts[p]).map(move |i| base + i * stride)).collect();
     }
-    order.into_iter().map(|i| values[i]).collect()
+    order
 }
 
 /// Factor and offset that bring `predicted` nearest to `values`, with weights.
@@ -157,10 +156,10 @@ fn affine(values: &[f64], predicted: &[f64], weights: &[f64]) -> (f64, f64) {
     (scale, (y - scale * x) / w)
 }
 
-/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy.
-fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64) -> f64 {
-    let mut squares: Vec<f64> =
-        values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()).collect();
+/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy. `squares` is overwritten.
+fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, squares: &mut Vec<f64>) -> f64 {
+    squares.clear();
+    squares.extend(values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()));
     if squares.is_empty() {
         return f64::INFINITY;
     }
@@ -195,20 +194,33 @@ const KNOWN: [(f64, f64); 12] = [
     (1.0 / 255.0, 0.0),
 ];
 
+/// How much of what is left may be in the worst tenth of the texels: more is not looked for while everything is tried.
+const WORST_TENTH: f64 = 4.0;
+
 /// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price, which is infinite
-/// where it is clear that it exceeds `limit`.
-fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: f64) -> (Encoding, f64, f64) {
+/// where it is clear that it exceeds `limit`. `squares` is overwritten.
+fn encoding(
+    values: &[f64],
+    predicted: &[f64],
+    curve: Curve,
+    floor: f64,
+    limit: f64,
+    squares: &mut Vec<f64>,
+) -> (Encoding, f64, f64) {
     let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
-    let weights = vec![1.0; values.len()];
-    let (a, b) = affine(values, predicted, &weights);
-    let any = trimmed(values, predicted, a, b);
+    let (a, b, left) = nearest(values, predicted);
+    let hopeless = (Encoding { scale: a, offset: b, curve }, left, f64::INFINITY);
+    if left / WORST_TENTH * price_of_curve > limit {
+        return hopeless;
+    }
+    let any = trimmed(values, predicted, a, b, squares);
     // No known factor fits much better than the best of all: what is dear with that need not be looked at further.
     if 0.8 * (any + floor) * price_of_curve > limit {
-        return (Encoding { scale: a, offset: b, curve }, any, f64::INFINITY);
+        return hopeless;
     }
     let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
     for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
-        let residual = trimmed(values, predicted, scale, offset);
+        let residual = trimmed(values, predicted, scale, offset, squares);
         let price = if i == 0 { 1.0 } else { PRICE_OF_KNOWN };
         let cost = (residual + floor) * price * price_of_curve;
         if cost < best.2 {
@@ -216,6 +228,29 @@ fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: 
         }
     }
     best
+}
+
+/// Factor and offset that bring `predicted` nearest to `values`, and the root mean square of what they leave.
+fn nearest(values: &[f64], predicted: &[f64]) -> (f64, f64, f64) {
+    let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for (v, p) in values.iter().zip(predicted) {
+        // A value that is none counts for nothing; without a branch.
+        let (k, v) = if v.is_finite() { (1.0, *v) } else { (0.0, 0.0) };
+        n += k;
+        x += k * p;
+        y += v;
+        xx += k * p * p;
+        xy += p * v;
+        yy += v * v;
+    }
+    let n = f64::max(n, 1.0);
+    let (across, along) = (n * xx - x * x, n * xy - x * y);
+    if across <= 1e-12 * n * xx {
+        return (1.0, 0.0, ((yy - y * y / n) / n).max(0.0).sqrt()); // a constant explains nothing
+    }
+    let scale = along / across;
+    let squares = (n * yy - y * y - scale * along) / (n * n);
+    (scale, (y - scale * x) / n, squares.max(0.0).sqrt())
 }
 
 /// Indices along each dimension while everything is tried.
@@ -367,41 +402,97 @@ fn try_all(
     values: &[(usize, Curve, Vec<f64>)],
     channels: &[Data],
 ) -> Vec<(usize, f64, Hypothesis)> {
-    let mut combinations: Vec<Vec<Ramp>> = vec![vec![]];
-    for ramps in per_dimension {
-        combinations = combinations
-            .iter()
-            .flat_map(|so_far| ramps.iter().map(move |r| [so_far.as_slice(), &[*r]].concat()))
-            .collect();
+    let nodes = &master.definition.nodes;
+    // What may be looked up along each parameter: an entry per ramp of the dimension that varies it, or the free value alone.
+    let mut lookups: Vec<Vec<Vec<Taps>>> = vec![vec![]; nodes.len()];
+    for (dimension, &p) in varies.iter().enumerate() {
+        lookups[p] = per_dimension[dimension].iter().map(|ramp| taps(&nodes[p], ramp, &choice[dimension])).collect();
     }
-    let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
-    for ramps in combinations {
-        for quantity in 0..master.definition.quantities().len() {
-            let mut hypothesis = Hypothesis {
-                master: Arc::clone(master),
-                quantity,
-                ramps: ramps.clone(),
-                varies: varies.to_vec(),
-                free,
-                encoding: Encoding::PLAIN,
-                residual: 0.0,
-            };
-            let predicted = hypothesis.predict(choice);
-            for (c, curve, values) in values {
-                let floor = MASTER_ERROR + channels[*c].rounding;
-                let list = &mut best[*c];
-                let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].0 };
-                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor, limit);
-                if list.len() < KEPT || list.last().is_none_or(|last| cost < last.0) {
-                    (hypothesis.encoding, hypothesis.residual) = (encoding, residual);
-                    let at = list.partition_point(|(known, _)| *known < cost);
-                    list.insert(at, (cost, hypothesis.clone()));
-                    list.truncate(KEPT);
-                }
+    if let (Some(value), Some((last, lookup))) = (free, nodes.last().zip(lookups.last_mut())) {
+        *lookup = vec![vec![Taps::new(last.position(value), last.size)]];
+    }
+    // Values in the order of the master's parameters: predictions then need not be brought into that of the table.
+    let counts: Vec<usize> = lookups.iter().map(|lookup| lookup.first().map_or(0, Vec::len)).collect();
+    let order = table_order(&counts, varies);
+    let values = values.iter().map(|(c, curve, values)| {
+        let mut sorted = vec![0.0; values.len()];
+        order.iter().zip(values).for_each(|(&to, &v)| sorted[to] = v);
+        (*c, *curve, sorted)
+    });
+    let mut trial = Trial {
+        lookups: &lookups,
+        values: values.collect(),
+        floors: channels.iter().map(|data| MASTER_ERROR + data.rounding).collect(),
+        chosen: vec![0; nodes.len()],
+        best: vec![vec![]; channels.len()],
+        squares: vec![],
+    };
+    let sizes: Vec<usize> = nodes.iter().map(|a| a.size).collect();
+    for quantity in 0..master.definition.quantities().len() {
+        trial.look_up(quantity, nodes.len(), &master.plane(quantity), &sizes);
+    }
+    let hypothesis = |found: &Found| Hypothesis {
+        master: Arc::clone(master),
+        quantity: found.quantity,
+        ramps: varies.iter().zip(per_dimension).map(|(&p, ramps)| ramps[found.chosen[p]]).collect(),
+        varies: varies.to_vec(),
+        free,
+        encoding: found.encoding,
+        residual: found.residual,
+    };
+    let best = trial.best.iter().enumerate();
+    best.flat_map(|(c, list)| list.iter().map(move |found| (c, found.cost, hypothesis(found)))).collect()
+}
+
+/// What fits a channel well, by numbers.
+#[derive(Debug, Clone)]
+struct Found {
+    cost: f64,
+    quantity: usize,
+    /// The ramp of each parameter.
+    chosen: Vec<usize>,
+    encoding: Encoding,
+    residual: f64,
+}
+
+/// One master, of which every combination of ramps is tried.
+struct Trial<'a> {
+    lookups: &'a [Vec<Vec<Taps>>],
+    /// (channel, curve, its values through the curve's inverse)
+    values: Vec<(usize, Curve, Vec<f64>)>,
+    floors: Vec<f64>,
+    chosen: Vec<usize>,
+    best: Vec<Vec<Found>>,
+    squares: Vec<f64>,
+}
+
+impl Trial<'_> {
+    /// Looks up the last of the first `left` parameters in every way, and then those before it: what combinations have in common is
+    /// looked up once.
+    fn look_up(&mut self, quantity: usize, left: usize, plane: &[f64], sizes: &[usize]) {
+        let Some(p) = left.checked_sub(1) else { return self.judge(quantity, plane) };
+        let lookups = self.lookups;
+        for (ramp, taps) in lookups[p].iter().enumerate() {
+            self.chosen[p] = ramp;
+            let mut shrunk = sizes.to_vec();
+            shrunk[p] = taps.len();
+            self.look_up(quantity, p, &along(plane, sizes, p, taps), &shrunk);
+        }
+    }
+
+    fn judge(&mut self, quantity: usize, predicted: &[f64]) {
+        for (c, curve, values) in &self.values {
+            let list = &mut self.best[*c];
+            let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].cost };
+            let (encoding, residual, cost) =
+                encoding(values, predicted, *curve, self.floors[*c], limit, &mut self.squares);
+            if list.len() < KEPT || cost < limit {
+                let at = list.partition_point(|known| known.cost < cost);
+                list.insert(at, Found { cost, quantity, chosen: self.chosen.clone(), encoding, residual });
+                list.truncate(KEPT);
             }
         }
     }
-    best.into_iter().enumerate().flat_map(|(c, list)| list.into_iter().map(move |(cost, h)| (c, cost, h))).collect()
 }
 
 /// Steps of the fit at most.
@@ -430,7 +521,8 @@ pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64
 /// The same hypothesis with the best encoding.
 pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
     let predicted = hypothesis.predict(choice);
-    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor, f64::INFINITY);
+    let curve = hypothesis.encoding.curve;
+    let (encoding, residual, cost) = encoding(values, &predicted, curve, floor, f64::INFINITY, &mut vec![]);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 

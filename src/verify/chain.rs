@@ -645,12 +645,15 @@ fn seams(size: usize, error: impl Fn(usize, usize) -> f64) -> [f64; 2] {
     let pairs = across_edges(size);
     let steps: Vec<f64> = pairs.iter().map(|&[_, edge, other, _]| step(edge, other)).collect();
     if size < 4 {
-        let within = pairs.iter().map(|&[inside, edge, other, beyond]| 0.5 * (step(inside, edge) + step(other, beyond)));
+        let within =
+            pairs.iter().map(|&[inside, edge, other, beyond]| 0.5 * (step(inside, edge) + step(other, beyond)));
         return [rms(&steps), rms(&within.collect::<Vec<_>>())];
     }
     // The four texels inwards from an edge.
     let inwards = |[inside, edge, other, beyond]: [usize; 4]| {
-        let line = |from: usize, to: usize| [0_isize, 1, 2, 3].map(|k| (from as isize + k * (to as isize - from as isize)) as usize);
+        let line = |from: usize, to: usize| {
+            [0_isize, 1, 2, 3].map(|k| (from as isize + k * (to as isize - from as isize)) as usize)
+        };
         [line(edge, inside), line(other, beyond)]
     };
     let across: Vec<f64> = pairs.iter().map(|&pair| jump(pair)).collect();

@@ -6,7 +6,7 @@
 use kiln::claim::{Claim, Said};
 use kiln::format::grid::{Described, Grid};
 use kiln::format::{FormatSpec, Texture, encode};
-use kiln::identify::{Confidence, Options, identify};
+use kiln::identify::Options;
 use kiln::integrate::{Integration, Settings};
 use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
@@ -45,8 +45,10 @@ impl Case {
         let own = recipe.texel_format().unwrap();
         // Channels that the format has beyond the table's are empty.
         let n = spec.channels.len();
-        let wide: Vec<f64> =
-            values.chunks_exact(n).flat_map(|t| (0..own.channels()).map(|c| t.get(c).copied().unwrap_or(0.0))).collect();
+        let wide: Vec<f64> = values
+            .chunks_exact(n)
+            .flat_map(|t| (0..own.channels()).map(|c| t.get(c).copied().unwrap_or(0.0)))
+            .collect();
         let texture = match size[2] {
             1 => Texture::flat(own, size[0], size[1], &wide).unwrap().0,
             _ => Texture::volume(own, size, &wide).unwrap().0,
@@ -80,24 +82,27 @@ impl Case {
         let report = verify::file(&path, options).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!(report.failures(), 0, "{what}: {report:#?}");
         let recipe = self.recipe();
-        let grid = Grid::read(&path, &Described::default()).unwrap();
-        let mut wanted = Claim::default();
-        let said = Said { channels: recipe.channels.clone(), axes: recipe.axes.clone(), at: recipe.at, model: recipe.model, table: None };
+        let said = Said {
+            channels: recipe.channels.clone(),
+            axes: recipe.axes.clone(),
+            at: recipe.at,
+            model: recipe.model,
+            table: None,
+        };
         let described = Described { packing: packing(&recipe), ..Described::default() };
         let read_as_it_is = Grid::decode(&bytes, &described).unwrap();
-        wanted.channels = Claim::new(&read_as_it_is, &said).unwrap().channels;
+        let wanted = Claim::new(&read_as_it_is, &said).unwrap();
         let names: Vec<String> = recipe.channels.iter().map(|c| format!("{c}{}", self.encoding)).collect();
         let wanted = wanted.to_string().replace(&recipe.channels.join(", "), &names.join(", "));
         assert!(report.claim.ends_with(&format!("judged as {wanted}")), "{what}: wanted {wanted}: {report:#?}");
-        let confidence = identify(&grid, &Options { cache: false }).unwrap().confidence;
-        assert!(confidence >= Confidence::Likely, "{what}: {confidence:?} {report:#?}");
+        let sure = ["certainly", "likely"].iter().any(|word| report.claim.contains(&format!("it is {word}: ")));
+        assert!(sure, "{what}: {report:#?}");
     }
 }
 
 /// What four bytes a texel are the codes of, where their divisor or multiplier varies; where it does not, they are just a curve.
 fn packing(recipe: &TableRecipe) -> Option<TexelFormat> {
-    Some(recipe.texel_format().unwrap())
-        .filter(|format| matches!(format, TexelFormat::Rgbm | TexelFormat::Rgbp))
+    Some(recipe.texel_format().unwrap()).filter(|format| matches!(format, TexelFormat::Rgbm | TexelFormat::Rgbp))
 }
 
 #[test]
@@ -120,12 +125,12 @@ fn tables_over_one_and_two_axes_pass_as_somebody_elses_and_are_named() {
         case("fresnel-schlick", "mu:32:acos:flip,f0:9:edge", "npy:f32"),
         case("conductor-albedo", "mu:16,roughness:16", "wgsl:f32"),
         case("fresnel-conductor-avg", "n:16:0.1..4,k:16:0..8", "glsl:f32"),
-        case("dfg", "mu:256,roughness:256:flip", "ktx2:rg8unorm"),
+        case("dfg", "mu:256,roughness:8:flip", "ktx2:rg8unorm"),
         Case { encoding: " (stored to the power 1/2.2)", ..case("ggx-f82", "mu:32,roughness:32", "png:rgbd") },
         case("ggx-f82", "mu:32,roughness:32:edge", "ktx2:rgbm"),
         case("ggx-f82", "mu:32:edge,roughness:32", "ktx2:rgbp"),
         case("ggx-f82", "mu:32,roughness:32", "dds:b10g11r11"),
-        case("ggx-albedo", "mu:64,roughness:32", "hlsl:f16"),
+        case("ggx-albedo", "mu:64,roughness:9", "hlsl:f16"),
         // Models.
         Case { model: smith(Smith::Separable), ..case("dfg", "mu:16,roughness:16", "ktx2:rg16f") },
         Case { model: smith(Smith::SchlickIbl), ..case("dfg", "mu:16,roughness:16", "ktx2:rg16f") },
