@@ -631,6 +631,10 @@ pub fn price_of_ranges(hypothesis: &Hypothesis) -> f64 {
 /// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
 const SIMPLE_IS_AS_GOOD: f64 = 1.15;
 
+/// How much worse a place may fit along one dimension of a volume while the others are fitted, and how many such are tried.
+const OTHERS_FITTED: f64 = 3.0;
+const FEW_PLACES: usize = 4;
+
 /// The hypothesis with its texels at the simplest places that fit about as well as the fitted ones.
 pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
     let values: Vec<f64> = data.at(choice).into_iter().map(|v| fitted.encoding.curve.undo(v)).collect();
@@ -647,12 +651,29 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
         let places = Place::ALL.into_iter().filter(close).map(Some);
         if range_is_free { places.take(2).chain([None]).collect() } else { places.chain([None]).collect() }
     };
+    // Of each dimension only the places that fit while the others are where they were fitted: all combinations are too many.
+    let likely = |dimension: usize| -> Vec<Option<Place>> {
+        let placed = |place: Option<Place>| {
+            let mut ramps = fitted.ramps.clone();
+            ramps[dimension] = place.map_or(ramps[dimension], |place| ramps[dimension].placed(place));
+            settle(&Hypothesis { ramps, ..fitted.clone() }, &values, choice, floor).1
+        };
+        let all = near(&fitted.ramps[dimension]);
+        if fitted.ramps.len() < 3 {
+            return all;
+        }
+        let mut rated: Vec<(f64, Option<Place>)> = all.into_iter().map(|place| (placed(place), place)).collect();
+        rated.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals the simplest first
+        let best = rated[0].0;
+        rated.into_iter().filter(|r| r.0 <= OTHERS_FITTED * best).take(FEW_PLACES).map(|r| r.1).collect()
+    };
     let mut combinations: Vec<(usize, Vec<Ramp>)> = vec![(0, vec![])];
-    for ramp in &fitted.ramps {
+    for (dimension, ramp) in fitted.ramps.iter().enumerate() {
+        let places = likely(dimension);
         combinations = combinations
             .iter()
             .flat_map(|(rank, so_far)| {
-                near(ramp).into_iter().map(move |place| {
+                places.iter().map(move |&place| {
                     let placed = place.map_or(*ramp, |place| ramp.placed(place));
                     let own = match place {
                         None => 100, // only if nothing simple will do

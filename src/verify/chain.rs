@@ -224,10 +224,16 @@ pub fn judge(levels: &[Cube], question: &Question) -> Result<Verdict> {
 /// Rows below which a panorama's texels are so wide that kernels are not smooth within them, and each is integrated exactly.
 const FEW_ROWS: usize = 192;
 
-/// A panorama of few texels with each cut into as many as it takes: the same function, filtered ten times as fast.
+/// Texels beyond which a panorama is left as it is: one of strange proportions need not fill the memory.
+const MOST_TEXELS: usize = 1 << 20;
+
+/// A panorama of few texels with each cut into as many as it takes: the same function, filtered by any kernel several times as fast.
 fn refined(source: &Panorama) -> Option<Panorama> {
     let (width, height) = (source.width(), source.height());
     let k = FEW_ROWS.div_ceil(height);
+    if k * k * width * height > MOST_TEXELS {
+        return None;
+    }
     let texel = |i: usize| source.texels()[i / (k * width) / k * width + i % (k * width) / k];
     (k > 1).then(|| Panorama::new(k * width, k * height, (0..k * k * width * height).map(texel).collect()).ok())?
 }

@@ -3,10 +3,11 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
+use crate::support::tools;
 use kiln::claim::{Claim, Said};
 use kiln::format::grid::{Described, Grid};
 use kiln::format::{FormatSpec, Texture, encode};
-use kiln::identify::Options;
+use kiln::identify::{Confidence, Identification, Options, identify};
 use kiln::integrate::{Integration, Settings};
 use kiln::model::charlie::Visibility;
 use kiln::model::ggx::Smith;
@@ -157,5 +158,29 @@ fn volumes_pass_as_somebody_elses_and_are_named() {
         case("layered-albedo", "mu:8,roughness:8,f0:8", "ktx2:r16f"),
     ] {
         case.judged();
+    }
+}
+
+/// What two engines ship, in the packages that they publish.
+#[test]
+fn tables_in_engines_packages_are_recognised() {
+    let read = |file: &str, array: Option<&str>| {
+        let path = tools::folder_with(file)?.join(file);
+        let described = Described { array: array.map(str::to_owned), ..Described::default() };
+        Some(identify(&Grid::read(&path, &described).unwrap(), &Options { cache: false }).unwrap())
+    };
+    let quantities = |found: &Identification| -> Vec<String> {
+        found.channels.iter().map(|c| c.quantity.clone().unwrap_or_else(|| c.holds.clone())).collect()
+    };
+    if let Some(found) = read("node_modules/three/src/renderers/shaders/DFGLUTData.js", None) {
+        assert_eq!(quantities(&found), ["ggx.scale", "ggx.bias"], "{found:#?}");
+        assert_eq!(found.words, ["transposed"], "{found:#?}");
+        assert!(found.confidence >= Confidence::Likely, "{found:#?}");
+    }
+    // A PNG of RGBD in base64, which says neither.
+    let script = "node_modules/@babylonjs/core/Misc/brdfTextureTools.js";
+    if let Some(found) = read(script, Some("_environmentBRDFBase64Texture")) {
+        assert_eq!(quantities(&found), ["ggx.bias", "ggx.albedo", "charlie.albedo"], "{found:#?}");
+        assert_eq!(found.packing, Some(TexelFormat::Rgbd), "{found:#?}");
     }
 }
