@@ -244,14 +244,12 @@ fn what_is_no_table_is_unknown() {
         .collect();
     // Something smooth that no lobe is: with a factor, an offset and two ranges to choose, many come near.
     let product = (0..24 * 24).map(|i| f64::from(i % 24) * (1.0 - f64::from(i / 24) / 80.0) / 24.0).collect();
-    // Numbers of all sizes, and a channel that varies in a corner only.
-    let wild = (0..16 * 16).map(|_| 2_f64.powf(200.0 * random.unit() - 100.0)).collect();
+    // A channel that varies in a corner only.
     let corner = (0..32 * 32).map(|i| if i % 32 < 6 && i / 32 < 6 { random.unit() } else { 1.0 }).collect();
     for (name, values, shape) in [
         ("noise", noise, "32x32"),
         ("photograph", photo, "48x48"),
         ("product", product, "24x24"),
-        ("wild", wild, "16x16"),
         ("corner", corner, "32x32"),
     ] {
         let found = found(&bare(&values, shape));
