@@ -157,7 +157,7 @@ impl Claim {
         };
         let sizes: Vec<usize> = grid.size.into_iter().take(axes.len()).collect();
         // An axis of one texel says nothing of its parameter: a picture is no volume of one slice.
-        let flat = sizes.iter().any(|&size| size == 1);
+        let flat = sizes.contains(&1);
         let beyond = grid.size.iter().skip(axes.len()).any(|&s| s != 1);
         if beyond || flat || sizes.len() < axes.len() {
             return Err(Error::invalid(

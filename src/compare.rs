@@ -252,7 +252,7 @@ mod tests {
             (grid.size, grid.channels) = ([2, 1, 1], names.map(channel).into());
         }
         let [a, b] = pair;
-        let found = compare(&[a.clone()], std::slice::from_ref(&b), Tolerance::Absolute(0.0)).unwrap();
+        let found = compare(std::slice::from_ref(&a), std::slice::from_ref(&b), Tolerance::Absolute(0.0)).unwrap();
         assert!(found.iter().all(|d| d.different == 0), "{found:?}");
         assert_eq!(found.iter().map(|d| d.against.as_str()).collect::<Vec<_>>(), ["scale", "bias"]);
         assert!(map(&a, &b).unwrap().texels.iter().all(|&v| v == 0.0));
