@@ -27,11 +27,13 @@ pub enum Curve {
     Ratio,
     /// The sRGB curve: usually a mistake of whoever saved the picture.
     Srgb,
+    /// The power 1/2.2: likewise, or an RGBD whose divisor is 1 everywhere.
+    Gamma,
 }
 
 impl Curve {
     /// Every curve.
-    pub const ALL: [Self; 3] = [Self::Plain, Self::Ratio, Self::Srgb];
+    pub const ALL: [Self; 4] = [Self::Plain, Self::Ratio, Self::Srgb, Self::Gamma];
 
     /// The stored value of `y`.
     pub fn apply(self, y: f64) -> f64 {
@@ -40,6 +42,7 @@ impl Curve {
             Self::Ratio => y / (1.0 + y),
             Self::Srgb if y <= 0.003_130_8 => 12.92 * y,
             Self::Srgb => 1.055 * y.powf(1.0 / 2.4) - 0.055,
+            Self::Gamma => y.abs().powf(1.0 / 2.2).copysign(y),
         }
     }
 
@@ -50,6 +53,7 @@ impl Curve {
             Self::Ratio => v / (1.0 - v),
             Self::Srgb if v <= 0.040_45 => v / 12.92,
             Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
+            Self::Gamma => v.abs().powf(2.2).copysign(v),
         }
     }
 }
@@ -91,6 +95,7 @@ impl fmt::Display for Encoding {
             Curve::Plain => {}
             Curve::Ratio => parts.push("stored as y/(1 + y)".to_owned()),
             Curve::Srgb => parts.push("stored through the sRGB curve".to_owned()),
+            Curve::Gamma => parts.push("stored to the power 1/2.2".to_owned()),
         }
         f.write_str(&parts.join(", "))
     }
@@ -151,13 +156,15 @@ impl Claim {
             (None, true) => return Err(Error::usage("quantities without axes", "give --axes, such as mu,roughness")),
         };
         let sizes: Vec<usize> = grid.size.into_iter().take(axes.len()).collect();
+        // An axis of one texel says nothing of its parameter: a picture is no volume of one slice.
+        let flat = sizes.contains(&1);
         let beyond = grid.size.iter().skip(axes.len()).any(|&s| s != 1);
-        if beyond || sizes.len() < axes.len() {
+        if beyond || flat || sizes.len() < axes.len() {
             return Err(Error::invalid(
                 format!(
-                    "{} texels, where {} axes were said to be",
+                    "{} texels, where {} said to be",
                     grid.size.map(|s| s.to_string()).join(" × "),
-                    axes.len()
+                    if axes.len() == 1 { "one axis was".to_owned() } else { format!("{} axes were", axes.len()) }
                 ),
                 "give an axis per dimension with --axes, or the shape with --shape",
             ));
@@ -179,7 +186,7 @@ impl Claim {
         let by_name = names.iter().all(|name| grid.channels.iter().any(|c| c.name == *name));
         if names.len() > grid.channels.len() {
             return Err(Error::invalid(
-                format!("{} channels, where {} were said to be", grid.channels.len(), names.len()),
+                format!("{} of the {} channels that were said to be", grid.channels.len(), names.len()),
                 "name the quantities that are there with --channels",
             ));
         }

@@ -4,7 +4,7 @@
 //! the two values.
 
 use crate::error::{Error, Result};
-use crate::format::grid::Stored;
+use crate::format::grid::{GridChannel, Stored};
 use crate::format::{Grid, Image};
 use serde::Serialize;
 use std::str::FromStr;
@@ -63,6 +63,8 @@ pub struct Difference {
     pub level: usize,
     /// The channel's name in the first file.
     pub channel: String,
+    /// Its name in the second.
+    pub against: String,
     /// Largest |b − a|.
     pub max: f64,
     /// Mean of b − a.
@@ -95,7 +97,7 @@ pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Diffe
             "compare files with the same levels",
         ));
     }
-    let mut differences = vec![];
+    let (mut differences, mut paired) = (vec![], vec![]);
     for (level, (a, b)) in a.iter().zip(b).enumerate() {
         if (a.size, a.channels.len()) != (b.size, b.channels.len()) {
             return Err(Error::invalid(
@@ -103,13 +105,51 @@ pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Diffe
                 "compare files of the same shape",
             ));
         }
-        for (c, channel) in a.channels.iter().enumerate() {
-            // Channels that both files name are paired by name.
-            let other = b.channels.iter().position(|o| o.name == channel.name).unwrap_or(c);
-            differences.push(difference(level, [a, b], [c, other], tolerance));
+        if level == 0 {
+            paired = pairs(a, b);
         }
+        differences
+            .extend(paired.iter().enumerate().map(|(c, &other)| difference(level, [a, b], [c, other], tolerance)));
     }
     Ok(differences)
+}
+
+/// Channels up to which every order is tried.
+const FEW_CHANNELS: usize = 4;
+
+/// Which channel of `b` each of `a` is compared with: that of its name, if they have the same names; else the order in which the files are
+/// nearest to each other, since containers sort channels or do not name them. Of equals the files' own.
+fn pairs(a: &Grid, b: &Grid) -> Vec<usize> {
+    let n = a.channels.len();
+    let named = |channel: &GridChannel| b.channels.iter().position(|o| o.name == channel.name);
+    if let Some(pairs) = a.channels.iter().map(named).collect::<Option<Vec<usize>>>() {
+        return pairs;
+    }
+    if n > FEW_CHANNELS {
+        return (0..n).collect();
+    }
+    let distance = |c: usize, other: usize| {
+        let both = a.values.iter().skip(c).step_by(n).zip(b.values.iter().skip(other).step_by(n));
+        both.map(|(x, y)| (x - y).abs()).filter(|d| d.is_finite()).sum::<f64>()
+    };
+    let distances: Vec<Vec<f64>> = (0..n).map(|c| (0..n).map(|other| distance(c, other)).collect()).collect();
+    let total = |order: &Vec<usize>| order.iter().enumerate().map(|(c, &other)| distances[c][other]).sum::<f64>();
+    let nearest = orders(n).into_iter().min_by(|x, y| total(x).total_cmp(&total(y)));
+    nearest.unwrap_or_else(|| (0..n).collect())
+}
+
+/// Every order of 0 to n − 1, that as it is first.
+fn orders(n: usize) -> Vec<Vec<usize>> {
+    let mut all: Vec<Vec<usize>> = vec![vec![]];
+    for _ in 0..n {
+        let longer = |order: Vec<usize>| {
+            let next: Vec<Vec<usize>> =
+                (0..n).filter(|i| !order.contains(i)).map(|i| [order.as_slice(), &[i]].concat()).collect();
+            next
+        };
+        all = all.into_iter().flat_map(longer).collect();
+    }
+    all
 }
 
 fn difference(level: usize, [a, b]: [&Grid; 2], [ca, cb]: [usize; 2], tolerance: Tolerance) -> Difference {
@@ -118,6 +158,7 @@ fn difference(level: usize, [a, b]: [&Grid; 2], [ca, cb]: [usize; 2], tolerance:
     let mut found = Difference {
         level,
         channel: a.channels[ca].name.clone(),
+        against: b.channels[cb].name.clone(),
         max: 0.0,
         mean: 0.0,
         rms: 0.0,
@@ -172,12 +213,7 @@ pub fn map(a: &Grid, b: &Grid) -> Result<Image<f64>> {
     }
     let [width, height, depth] = a.size;
     let names: Vec<&str> = a.channels.iter().map(|c| c.name.as_str()).collect();
-    let order: Vec<usize> = a
-        .channels
-        .iter()
-        .enumerate()
-        .map(|(c, channel)| b.channels.iter().position(|o| o.name == channel.name).unwrap_or(c))
-        .collect();
+    let order = pairs(a, b);
     let n = names.len();
     let texels = a
         .values
@@ -206,6 +242,21 @@ mod tests {
         assert_eq!(map(&a, &b).unwrap().texels[1], found.max);
         let same = &compare(std::slice::from_ref(&a), std::slice::from_ref(&a), Tolerance::Ulps(0.0)).unwrap()[0];
         assert_eq!((same.different, same.max), (0, 0.0));
+    }
+
+    #[test]
+    fn channels_of_other_names_are_paired_with_what_they_are_nearest_to() {
+        let mut pair = [grid("[0.5, 0.25, 1.0, 0.125]"), grid("[0.25, 0.5, 0.125, 1.0]")];
+        for (grid, names) in pair.iter_mut().zip([["R", "G"], ["bias", "scale"]]) {
+            let channel = |name: &str| GridChannel { name: name.to_owned(), stored: Stored::F32 };
+            (grid.size, grid.channels) = ([2, 1, 1], names.map(channel).into());
+        }
+        let [a, b] = pair;
+        let found = compare(std::slice::from_ref(&a), std::slice::from_ref(&b), Tolerance::Absolute(0.0)).unwrap();
+        assert!(found.iter().all(|d| d.different == 0), "{found:?}");
+        assert_eq!(found.iter().map(|d| d.against.as_str()).collect::<Vec<_>>(), ["scale", "bias"]);
+        assert!(map(&a, &b).unwrap().texels.iter().all(|&v| v == 0.0));
+        assert_eq!(orders(3)[..2], [[0, 1, 2], [0, 2, 1]]);
     }
 
     #[test]

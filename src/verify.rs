@@ -150,7 +150,12 @@ pub fn file_as(path: &Path, described: &Described, said: Option<&Said>, options:
         }
         return Err(Error::unsupported(
             "no certificate in the file or beside it, so nothing says what it should hold",
-            "verify files that Kiln baked, with their certificate",
+            match &content {
+                Content::Texture(texture) if chain::is_cube(texture) => {
+                    "give what it was made from, such as --source sky.hdr"
+                }
+                _ => "verify files that Kiln baked, with their certificate",
+            },
         )
         .in_file(path));
     };

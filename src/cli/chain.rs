@@ -5,6 +5,7 @@ use clap::{Args, ValueEnum};
 use kiln::environment::kernel::KernelKind;
 use kiln::environment::{Panorama, Reading, load};
 use kiln::format::Decoded;
+use kiln::verify::Report;
 use kiln::verify::chain::{LevelVerdict, Question, Verdict, is_cube, judge, levels_of};
 use kiln::{Error, Result};
 use serde::Serialize;
@@ -85,8 +86,8 @@ impl ChainArgs {
         Ok(Judged { file: path.to_owned(), source: self.source.clone(), verdict })
     }
 
-    /// Judges files and prints what came of it. Checks failed, and all.
-    pub fn run(&self, files: &[PathBuf], max_error: Option<f64>, console: &Console) -> Result<[usize; 2]> {
+    /// Judges files, prints what came of it, and returns it as reports.
+    pub fn run(&self, files: &[PathBuf], max_error: Option<f64>, console: &Console) -> Result<Vec<Report>> {
         let source = self.panorama()?;
         let judged: Vec<Judged> =
             files.iter().map(|file| self.judge(file, source.as_ref(), max_error)).collect::<Result<_>>()?;
@@ -95,20 +96,34 @@ impl ChainArgs {
         } else {
             judged.iter().try_for_each(|judged| console.print(&judged.text()))?;
         }
-        let checks = || judged.iter().flat_map(|judged| &judged.verdict.checks);
-        Ok([checks().filter(|check| !check.passed).count(), checks().count()])
+        Ok(judged.into_iter().map(Judged::report).collect())
     }
 }
 
 impl Judged {
-    fn text(&self) -> String {
-        let verdict = &self.verdict;
+    /// What it is compared with, in a few words.
+    fn claim(&self) -> String {
         let against = match &self.source {
             Some(source) => format!("against {source}"),
             None => "against its own level 0".to_owned(),
         };
-        let levels = verdict.levels.len();
-        let mut text = format!("{}: cube of {}², {levels} levels, {against}\n", self.file.display(), verdict.size);
+        format!("cube of {}², {} levels, {against}", self.verdict.size, self.verdict.levels.len())
+    }
+
+    fn report(self) -> Report {
+        let claim = self.claim();
+        Report {
+            file: self.file,
+            claim,
+            checks: self.verdict.checks,
+            notes: self.verdict.findings,
+            ..Report::default()
+        }
+    }
+
+    fn text(&self) -> String {
+        let verdict = &self.verdict;
+        let mut text = format!("{}: {}\n", self.file.display(), self.claim());
         let rows: Vec<Vec<String>> = verdict.levels.iter().enumerate().map(|(m, level)| row(m, level)).collect();
         text += &columns(&["level", "size", "roughness", "range", "rms", "max", "drift", "where"], &rows);
         for finding in &verdict.findings {

@@ -54,7 +54,7 @@ fn text(found: &[Difference]) -> String {
             vec![
                 if d.beyond == 0 { "same".to_owned() } else { "DIFFERS".to_owned() },
                 d.level.to_string(),
-                d.channel.clone(),
+                if d.channel == d.against { d.channel.clone() } else { format!("{} = {}", d.channel, d.against) },
                 number(d.max),
                 number(d.mean),
                 number(d.rms),

@@ -5,6 +5,7 @@ use clap::Args;
 use kiln::Result;
 use kiln::claim::Said;
 use kiln::format::grid::{Described, RawNumber, Shape};
+use kiln::pack::TexelFormat;
 use kiln::table::{Axis, Point};
 
 /// What a file does not say of itself.
@@ -14,12 +15,15 @@ pub struct DescribedArgs {
     /// Shape of bare numbers, of a flat array or of an atlas's slices; of three or four sizes the last is that of a texel
     #[arg(long, value_name = "WxHxC")]
     shape: Option<Shape>,
-    /// Which array of a source text, by name or by number
+    /// Which array of a source text, by name or by number, or which file in base64 within it, by name
     #[arg(long, value_name = "NAME")]
     array: Option<String>,
     /// Whether a texel's channels stand together, or each channel is a plane of its own
     #[arg(long, value_name = "ORDER", default_value = "interleaved", value_parser = ["interleaved", "planar"])]
     channel_order: String,
+    /// What four bytes a texel are the codes of, where the file does not say it: rgbd, rgbm or rgbp
+    #[arg(long, value_name = "PACKING")]
+    packing: Option<TexelFormat>,
     /// How bare numbers are stored: f16, f32, f64, u8, u16 [default: by the length of the file]
     #[arg(long)]
     number: Option<RawNumber>,
@@ -31,6 +35,7 @@ impl DescribedArgs {
         Described {
             shape: self.shape,
             array: self.array.clone(),
+            packing: self.packing,
             planar: self.channel_order == "planar",
             number: self.number,
         }

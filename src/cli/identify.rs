@@ -64,6 +64,9 @@ impl Identify {
 
 fn text(name: &str, found: &Identification) -> String {
     let mut text = format!("{name}: {}\n", found.file);
+    if let Some(packing) = found.packing {
+        text += &format!("its bytes make sense as codes of {packing} only; --packing {packing} says so\n");
+    }
     let number = |v: Option<f64>, digits: usize| v.map_or(String::new(), |v| format!("{v:.digits$e}"));
     let rows: Vec<Vec<String>> = found
         .channels
@@ -108,6 +111,9 @@ fn text(name: &str, found: &Identification) -> String {
     }
     for command in &found.commands {
         text += &format!("as it should be: {command}\n");
+    }
+    for command in &found.commands_as_it_is {
+        text += &format!("as it is: {command}\n");
     }
     text + "\n"
 }

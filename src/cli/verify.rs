@@ -44,8 +44,8 @@ impl Verify {
             return Err(Error::usage(format!("--max-error {bad} is no error"), "give a number such as 1e-3"));
         }
         if self.chain.source.is_some() {
-            let [failed, total] = self.chain.run(&self.files, self.max_error, console)?;
-            return if failed > 0 { Err(Error::Verification { failed, total }) } else { Ok(()) };
+            let reports = self.chain.run(&self.files, self.max_error, console)?;
+            return self.conclude(&reports, vec![]);
         }
         let options = Options {
             full: self.full,
@@ -57,12 +57,11 @@ impl Verify {
         for path in &self.files {
             paths.extend(files_of(path)?);
         }
-        let (mut reports, mut failed, mut errors) = (vec![], 0, vec![]);
+        let (mut reports, mut errors) = (vec![], vec![]);
         for path in &paths {
             // One file that cannot be judged does not keep the others from being judged.
             match file_as(path, &described, said.as_ref(), options) {
                 Ok(report) => {
-                    failed += report.failures();
                     if !console.json {
                         console.print(&text(&report))?;
                     }
@@ -79,9 +78,15 @@ impl Verify {
         if console.json {
             console.print_json(&reports)?;
         }
+        self.conclude(&reports, errors)
+    }
+
+    /// Writes the JUnit report; what failed, or could not be judged, is the error.
+    fn conclude(&self, reports: &[Report], errors: Vec<(PathBuf, Error)>) -> Result<()> {
         if let Some(path) = &self.junit {
-            atomic::write(path, junit::xml(&reports, &errors).as_bytes())?;
+            atomic::write(path, junit::xml(reports, &errors).as_bytes())?;
         }
+        let failed = reports.iter().map(Report::failures).sum();
         let total = reports.iter().map(|r| r.checks.len()).sum();
         match errors.into_iter().next() {
             _ if failed > 0 => Err(Error::Verification { failed, total }),

@@ -1,6 +1,6 @@
 //! A table as numbers on a grid, whoever wrote it and in whatever file: what judging and recognising it need, and no more.
 
-use super::{Array, Decoded, FileKind, Image, Texture, decode, literals};
+use super::{Array, Decoded, FileKind, Image, Texture, decode, embedded, literals};
 use crate::error::{Error, Result};
 use crate::pack::{Number, TexelFormat, binary16};
 use serde::Serialize;
@@ -165,8 +165,10 @@ pub struct Grid {
 pub struct Described {
     /// Width, height, depth and channels.
     pub shape: Option<Shape>,
-    /// Which array of a source text.
+    /// Which array of a source text, or which file in base64 within it.
     pub array: Option<String>,
+    /// What four bytes a texel are the codes of, where the file does not say it.
+    pub packing: Option<TexelFormat>,
     /// Whether the channels follow each other as whole planes.
     pub planar: bool,
     /// How the numbers of a file without a header are stored.
@@ -314,7 +316,34 @@ impl Grid {
                 Decoded::Array(array) => Self::of_numbers(array, kind.text(), described),
             },
         }?;
+        let grid = match described.packing.filter(|&packing| !grid.is_packed(packing)) {
+            Some(packing) => grid.unpacked(packing).ok_or_else(|| {
+                Error::usage(
+                    format!("{packing} of {}", grid.summary()),
+                    "leave --packing out, or give a file of four channels of 8 bits",
+                )
+            })?,
+            None => grid,
+        };
         grid.shaped(described.shape)
+    }
+
+    /// Whether every channel is one of that packing.
+    fn is_packed(&self, packing: TexelFormat) -> bool {
+        self.channels.iter().all(|c| matches!(c.stored, Stored::Packed(format, _) if format == packing))
+    }
+
+    /// What the values are if their bytes are codes of that packing; nothing where they are no codes of four bytes.
+    pub fn unpacked(&self, packing: TexelFormat) -> Option<Self> {
+        let bytes = self.channels.len() == 4 && self.channels.iter().all(|c| c.stored == Stored::Unorm(8));
+        if !bytes || !PACKINGS.contains(&packing) {
+            return None;
+        }
+        let codes: Vec<u8> = self.values.iter().map(|v| (v * 255.0).round() as u8).collect();
+        let values =
+            packing.unpack(self.size[0], self.size[1] * self.size[2], &codes).into_iter().map(f64::from).collect();
+        let source = format!("{} as {packing}", self.source);
+        Self::of_named(self.size, letters(3), values, source, packing).ok()
     }
 
     /// Number of texels.
@@ -438,6 +467,10 @@ impl Grid {
             && (looks_like_text || described.array.is_some())
             && let Ok(text) = std::str::from_utf8(bytes)
         {
+            if let Some(file) = embedded::choose(text, described.array.as_deref())? {
+                let grid = Self::decode(&file.bytes, &Described { array: None, ..described.clone() })?;
+                return Ok(Self { source: format!("{} in the string {} of a text", grid.source, file.name), ..grid });
+            }
             return Self::of_array(literals::choose(text, described.array.as_deref())?, described);
         }
         if kind != "a file of an unknown kind" && described.number.is_none() {
@@ -577,6 +610,9 @@ impl Grid {
         Ok(Self { size: shape.size, values, ..self })
     }
 }
+
+/// What four bytes may be the codes of.
+pub const PACKINGS: [TexelFormat; 3] = [TexelFormat::Rgbd, TexelFormat::Rgbm, TexelFormat::Rgbp];
 
 const RGBA: [&str; 4] = ["R", "G", "B", "A"];
 

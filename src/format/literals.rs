@@ -159,6 +159,22 @@ pub fn choose(text: &str, name: Option<&str>) -> Result<Array> {
     }
 }
 
+/// The strings of `text` and what each is called; strings joined by `+`, or that follow each other, are one.
+pub(super) fn strings(text: &str) -> Vec<(String, String)> {
+    let tokens = tokens(text);
+    let mut found: Vec<(usize, String)> = vec![];
+    let mut joined = false;
+    for (at, token) in tokens.iter().enumerate() {
+        match (token, found.last_mut()) {
+            (Token::Text(more), Some((_, text))) if joined => *text += more,
+            (Token::Text(text), _) => found.push((at, (*text).to_owned())),
+            _ => {}
+        }
+        joined = matches!(token, Token::Text(_)) || (joined && *token == Token::Mark('+'));
+    }
+    found.into_iter().map(|(at, text)| (declaration(&tokens[..at]).0, text)).collect()
+}
+
 /// Names that a message lists at most.
 const MOST_NAMES: usize = 24;
 
@@ -343,7 +359,7 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
             at += rest.find('\n').unwrap_or(rest.len());
         } else if let Some(comment) = rest.strip_prefix("/*") {
             at += comment.find("*/").map_or(rest.len(), |end| end + 4);
-        } else if matches!(byte, b'"' | b'`') {
+        } else if matches!(byte, b'"' | b'`') || (byte == b'\'' && is_quoted_data(rest)) {
             let end = string_end(&bytes[at..]);
             tokens.push(Token::Text(text.get(at + 1..at + end - 1).unwrap_or_default()));
             at += end;
@@ -365,6 +381,15 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
         }
     }
     tokens
+}
+
+/// Characters of a string in single quotes from which it is data: characters and lifetimes are shorter.
+const LONG_STRING: usize = 64;
+
+/// Whether a long string without blanks stands in single quotes, as JavaScript has it and no other language.
+fn is_quoted_data(rest: &str) -> bool {
+    let length = rest.bytes().skip(1).take_while(|b| b.is_ascii_graphic() && !matches!(b, b'\'' | b'\\')).count();
+    length >= LONG_STRING && rest.as_bytes().get(length + 1) == Some(&b'\'')
 }
 
 /// Bytes of the string that begins here, its quotes included.

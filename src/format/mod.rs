@@ -16,6 +16,7 @@
 
 pub mod atomic;
 pub mod dds;
+mod embedded;
 pub mod env;
 pub mod exr;
 pub mod grid;

@@ -3,7 +3,7 @@
 use super::ramp::{Place, Ramp};
 use super::search::{Data, Hypothesis};
 use super::{Confidence, Identification, Ranked, claimed};
-use crate::claim::{Claim, Encoding, model_words};
+use crate::claim::{Claim, Curve, Encoding, model_words};
 use crate::error::Result;
 use crate::format::Grid;
 use crate::format::grid::Stored;
@@ -73,8 +73,10 @@ const FARTHER: f64 = 1.5;
 /// Parts of a channel's variation that may be left for it to be likely, and possible.
 const LITTLE: f64 = 1.0 / 30.0;
 const MUCH: f64 = 0.1;
-/// The same where a factor and an offset of no meaning had to be fitted: two more numbers explain a lot.
+/// The same where a factor and an offset of no meaning had to be fitted, or two ranges, or a curve and a range: more numbers explain a lot.
 const MUCH_OF_ANY: f64 = 0.01;
+/// The same where both were: a smooth product of two functions is met as closely as that.
+const MUCH_OF_ANYTHING: f64 = 0.001;
 
 pub(super) fn explain(
     grid: &Grid,
@@ -83,7 +85,7 @@ pub(super) fn explain(
     ranked: Vec<Vec<Ranked>>,
 ) -> Result<Identification> {
     let mut channels = vec![];
-    let mut claim = Claim::default();
+    let (mut claim, mut as_it_is) = (Claim::default(), Claim::default());
     let mut surest: Option<(f64, Hypothesis)> = None;
     for (c, channel) in grid.channels.iter().enumerate() {
         let Some(i) = varying.iter().position(|&v| v == c) else {
@@ -94,7 +96,11 @@ pub(super) fn explain(
         if finding.confidence > Confidence::Unknown
             && let Some(best) = ranked[i].first()
         {
-            claim.channels.push(claimed(c, &best.hypothesis, grid));
+            let claimed = claimed(c, &best.hypothesis, grid);
+            let mut found = claimed.clone();
+            found.spec.axes = best.hypothesis.ramps.iter().map(Ramp::axis_as_it_is).collect();
+            as_it_is.channels.push(found);
+            claim.channels.push(claimed);
             let relative = best.trimmed / data[i].spread;
             if surest.as_ref().is_none_or(|(least, _)| relative < *least) {
                 surest = Some((relative, best.hypothesis.clone()));
@@ -110,8 +116,20 @@ pub(super) fn explain(
         .unwrap_or(Confidence::Unknown);
     let axes = surest.as_ref().map_or(vec![], |(_, h)| axes(h));
     let words = words(&claim, &axes, surest.as_ref().map(|(_, h)| h));
-    let commands = commands(&claim, grid);
-    Ok(Identification { file: grid.summary(), confidence, channels, axes, words, commands, claim })
+    let displaced = as_it_is.channels.iter().any(|c| c.spec.axes.iter().any(|axis| axis.shift != 0.0));
+    let commands_as_it_is = if displaced { commands(&as_it_is, grid, "-as-it-is") } else { vec![] };
+    let commands = commands(&claim, grid, "");
+    Ok(Identification {
+        file: grid.summary(),
+        packing: None,
+        confidence,
+        channels,
+        axes,
+        words,
+        commands,
+        commands_as_it_is,
+        claim,
+    })
 }
 
 fn constant(grid: &Grid, c: usize) -> ChannelFinding {
@@ -157,8 +175,17 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
     let times_rounding = best.rms / data.rounding.max(1e-7);
     let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
     let encoding = best.hypothesis.encoding;
-    let named = is_named(&encoding);
-    let confidence = if relative > if named { MUCH } else { MUCH_OF_ANY } {
+    let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
+    let curved = encoding.curve != Curve::Plain;
+    // The more is free, the less a middling fit says.
+    let most = match (is_named(&encoding), fitted) {
+        (false, 1..) => MUCH_OF_ANYTHING,
+        (false, 0) | (true, 2..) => MUCH_OF_ANY,
+        (true, 1) if curved => MUCH_OF_ANY,
+        (true, 1) => LITTLE,
+        _ => MUCH,
+    };
+    let confidence = if relative > most {
         Confidence::Unknown
     } else if times_rounding <= AS_ROUNDED && away >= FAR {
         Confidence::Certain
@@ -261,6 +288,7 @@ fn axes(hypothesis: &Hypothesis) -> Vec<AxisFinding> {
             let place = match ramp.place() {
                 Some(Place::Centre(_)) => "texels hold their centres",
                 Some(Place::Edge(_)) => "the outermost texels hold the ends",
+                None if ramp.shift().is_some() => "texels hold about their centres",
                 None => "neither centres nor edges of the whole range",
             };
             let place = match ramp.shift() {
@@ -296,7 +324,7 @@ fn words(claim: &Claim, axes: &[AxisFinding], surest: Option<&Hypothesis>) -> Ve
 }
 
 /// The commands that bake what the claim says: one per group of channels with the same axes and model.
-fn commands(claim: &Claim, grid: &Grid) -> Vec<String> {
+fn commands(claim: &Claim, grid: &Grid, suffix: &str) -> Vec<String> {
     let groups = claim.groups();
     let several = groups.len() > 1;
     groups
@@ -323,7 +351,7 @@ fn commands(claim: &Claim, grid: &Grid) -> Vec<String> {
             }
             command += &model_flags(spec);
             let half = channels.iter().all(|c| grid.channels[c.index].stored == Stored::F16);
-            let stem = if several { format!("{name}-{}", i + 1) } else { name.to_owned() };
+            let stem = if several { format!("{name}{suffix}-{}", i + 1) } else { format!("{name}{suffix}") };
             command + &format!(" -o {stem}.{}", if half && names.len() <= 4 { "ktx2" } else { "exr" })
         })
         .collect()

@@ -245,28 +245,39 @@ impl Taps {
     }
 }
 
+/// Values of a grid of these sizes, the first fastest, looked up along dimension `d`.
+pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f64> {
+    let stride: usize = sizes[..d].iter().product();
+    let outer: usize = sizes[d + 1..].iter().product();
+    let (from, to) = (sizes[d], taps.len());
+    let mut shrunk = vec![0.0; stride * to * outer];
+    for o in 0..outer {
+        for (t, tap) in taps.iter().enumerate() {
+            let out = &mut shrunk[(o * to + t) * stride..][..stride];
+            for (k, &weight) in tap.weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                let line = &values[(o * from + tap.first + k) * stride..][..stride];
+                out.iter_mut().zip(line).for_each(|(out, v)| *out += weight * v);
+            }
+        }
+    }
+    shrunk
+}
+
 impl Master {
+    /// Quantity `q` at every node, the first parameter fastest.
+    pub fn plane(&self, q: usize) -> Vec<f64> {
+        let n_quantities = self.definition.quantities().len();
+        self.values.chunks_exact(n_quantities).map(|node| node[q]).collect()
+    }
+
     /// Quantity `q` at every texel of a grid that is the product of the taps along each parameter, the first fastest.
     pub fn grid(&self, q: usize, taps: &[Vec<Taps>]) -> Vec<f64> {
-        let n_quantities = self.definition.quantities().len();
         // One parameter after the other, from the last: each shrinks the grid to what is asked for.
-        let mut values: Vec<f64> = self.values.iter().copied().skip(q).step_by(n_quantities).collect();
+        let mut values = self.plane(q);
         let mut sizes: Vec<usize> = self.definition.nodes.iter().map(|a| a.size).collect();
         for dimension in (0..sizes.len()).rev() {
-            let stride: usize = sizes[..dimension].iter().product();
-            let outer: usize = sizes[dimension + 1..].iter().product();
-            let (from, to) = (sizes[dimension], taps[dimension].len());
-            let mut shrunk = vec![0.0; stride * to * outer];
-            for o in 0..outer {
-                for (t, tap) in taps[dimension].iter().enumerate() {
-                    let out = &mut shrunk[(o * to + t) * stride..][..stride];
-                    for (k, &weight) in tap.weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-                        let line = &values[(o * from + tap.first + k) * stride..][..stride];
-                        out.iter_mut().zip(line).for_each(|(out, v)| *out += weight * v);
-                    }
-                }
-            }
-            (values, sizes[dimension]) = (shrunk, to);
+            values = along(&values, &sizes, dimension, &taps[dimension]);
+            sizes[dimension] = taps[dimension].len();
         }
         values
     }

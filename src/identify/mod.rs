@@ -20,11 +20,13 @@ pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
 use crate::claim::{Claim, ClaimedChannel, Curve};
 use crate::error::{Error, Result};
 use crate::format::Grid;
+use crate::format::grid::PACKINGS;
 use crate::integrate::{Integration, Settings};
+use crate::pack::TexelFormat;
 use crate::table::TableSpec;
 use crate::table::quantity::evaluate_family;
 use rayon::prelude::*;
-use search::{Data, Hypothesis};
+use search::{Arrangement, Data, Hypothesis};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -72,6 +74,8 @@ impl Confidence {
 pub struct Identification {
     /// Size, channels, precision and container.
     pub file: String,
+    /// What the file's bytes are codes of, where it does not say so and they make no sense otherwise.
+    pub packing: Option<TexelFormat>,
     /// The least sure of the channels.
     pub confidence: Confidence,
     /// What each channel holds.
@@ -82,6 +86,8 @@ pub struct Identification {
     pub words: Vec<String>,
     /// The commands that bake the table as it should be.
     pub commands: Vec<String>,
+    /// The commands that bake it as it is, where that is not as it should be and a displaced axis says all that is wrong.
+    pub commands_as_it_is: Vec<String>,
     /// The same, to be judged by.
     #[serde(skip)]
     pub claim: Claim,
@@ -92,6 +98,11 @@ impl Identification {
     pub fn faults(&self) -> Vec<String> {
         let faults: Vec<&str> = self.axes.iter().flat_map(|a| &a.faults).map(String::as_str).collect();
         faults.iter().map(|fault| format!("the table is {fault}; it is judged as it should be")).collect()
+    }
+
+    /// What the worst channel leaves, in parts of its variation.
+    fn left(&self) -> f64 {
+        self.channels.iter().filter_map(|c| c.relative).fold(0.0, f64::max)
     }
 
     /// The channels that nothing explains, in sentences.
@@ -107,18 +118,41 @@ const FEWEST_TEXELS: usize = 12;
 const FEWEST_ALONG: usize = 4;
 /// Hypotheses of a channel that are fitted.
 const FITTED: usize = 14;
-/// Texels at which a hypothesis is judged by quadrature at most.
+/// Texels along each dimension at which a hypothesis is judged by quadrature at most, and one whose integrals are dear.
 const JUDGED: [usize; 3] = [512, 48, 12];
+const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 8];
+/// Families whose values take longest, by their masters.
+const DEAR: [&str; 4] = ["dielectric.albedo", "dielectric.albedo_avg", "compensation.none", "layered.albedo"];
+/// What is left by the masters, in parts of a channel's variation, above which quadrature has nothing to add: it will not be believed.
+const NOT_TO_BE_BELIEVED: f64 = 0.25;
 
 /// Residuals, in parts of a channel's variation, below which no further masters are asked.
 const GOOD: f64 = 0.01;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
 
-/// Finds out what `grid` holds.
+/// Finds out what `grid` holds; where its bytes make no sense as they are, what they hold as codes of a packing.
 ///
 /// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
 pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
+    let mut best = identify_numbers(grid, options)?;
+    // Codes that all have the same fourth byte are as good as a curve.
+    let codes = grid.channels.len() == 4 && channel_data(grid, 3, &[]).is_some();
+    for packing in PACKINGS {
+        if !codes || best.confidence >= Confidence::Likely {
+            break;
+        }
+        let Some(unpacked) = grid.unpacked(packing) else { continue };
+        let other = identify_numbers(&unpacked, options)?;
+        if other.confidence > Confidence::Unknown && (other.confidence, -other.left()) > (best.confidence, -best.left())
+        {
+            best = Identification { packing: Some(packing), ..other };
+        }
+    }
+    Ok(best)
+}
+
+fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
     let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
     if grid.texels() < FEWEST_TEXELS || sizes.iter().any(|&s| s < FEWEST_ALONG) {
         return Err(Error::unsupported(
@@ -151,7 +185,12 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     let n = finite.len() as f64;
     let mean = finite.iter().sum::<f64>() / n;
-    let spread = (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let mut squares: Vec<f64> = finite.iter().map(|v| (v - mean).powi(2)).collect();
+    let whole = (squares.iter().sum::<f64>() / n).sqrt();
+    squares.sort_by(f64::total_cmp);
+    let most = &squares[..(squares.len() * 9).div_ceil(10)];
+    // Residuals are counted without the worst tenth: so must be a channel that varies there only.
+    let spread = whole.min(2.0 * (most.iter().sum::<f64>() / most.len().max(1) as f64).sqrt());
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.
     let squares = finite.iter().map(|&v| stored.step(v).powi(2) / 12.0).sum::<f64>();
@@ -177,11 +216,17 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
         return Ok(vec![vec![]; channels.len()]);
     }
     let mut fitted: Vec<Vec<(Hypothesis, f64)>> = vec![vec![]; channels.len()];
-    // Tables with a parameter fixed, and curves, are looked into only where nothing simpler explains the channel.
-    let rounds: [(usize, &[Curve]); 3] =
-        [(n_axes, &[Curve::Plain]), (n_axes, &[Curve::Ratio, Curve::Srgb]), (n_axes + 1, &[Curve::Plain])];
-    for (master_axes, curves) in rounds {
-        if master_axes > 3 || (n_axes == 1 && master_axes == 2) {
+    // Cropped tables, curves, and tables with a parameter fixed are looked into only where nothing simpler explains the channel.
+    let rounds: [(usize, &[Curve], Arrangement); 4] = [
+        (n_axes, &[Curve::Plain], Arrangement::Whole),
+        (n_axes, &[Curve::Plain], Arrangement::Cropped),
+        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma], Arrangement::Whole),
+        (n_axes + 1, &[Curve::Plain], Arrangement::Whole),
+    ];
+    for (master_axes, curves, arrangement) in rounds {
+        // Of volumes, the ways to crop them are too many to be tried.
+        let too_many = n_axes == 3 && arrangement == Arrangement::Cropped;
+        if master_axes > 3 || (n_axes == 1 && master_axes == 2) || too_many {
             continue;
         }
         let open: Vec<usize> = (0..channels.len())
@@ -195,7 +240,7 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
         }
         let masters = masters::load(master_axes, options.cache)?;
         let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
-        let found = search::search(&data, &masters, curves, FITTED);
+        let found = search::search(&data, &masters, curves, arrangement, FITTED);
         for ((c, data), hypotheses) in open.into_iter().zip(&data).zip(found) {
             let choice = search::fine(&data.sizes);
             let new: Vec<(Hypothesis, f64)> = hypotheses
@@ -239,9 +284,15 @@ fn says(h: &Hypothesis) -> String {
 
 /// The hypothesis with its residuals by quadrature.
 fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
-    let choice = search::choice(&data.sizes, JUDGED[data.sizes.len() - 1]);
+    if hypothesis.relative(data) > NOT_TO_BE_BELIEVED {
+        let left = hypothesis.residual;
+        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left });
+    }
     let definition = &hypothesis.master.definition;
     let family = definition.handle.family;
+    let dear = DEAR.contains(&definition.handle.quantity.name) || !family.has_quadrature();
+    let most = if dear { JUDGED_IF_DEAR } else { JUDGED };
+    let choice = search::choice(&data.sizes, most[data.sizes.len() - 1]);
     let settings =
         Settings { tolerance: Some(1e-6), samples: (!family.has_quadrature()).then_some(4096), ..Settings::default() };
     let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
@@ -259,11 +310,18 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
             if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
                 at.set(last.parameter, free);
             }
-            let exact = evaluate_family(family, &at, &definition.model, &integration)?[hypothesis.quantity].value;
+            let exact = match evaluate_family(family, &at, &definition.model, &integration) {
+                Ok(estimates) => estimates[hypothesis.quantity].value,
+                Err(Error::Unsupported(_)) => f64::NAN, // it diverges there
+                Err(other) => return Err(other),
+            };
             Ok((hypothesis.encoding.encode(exact) - data.values[texel]).powi(2))
         })
         .collect::<Result<_>>()?;
     squares.retain(|s| s.is_finite());
+    if 2 * squares.len() < texels.len() {
+        squares = vec![f64::INFINITY]; // where it has no value it explains nothing
+    }
     squares.sort_by(f64::total_cmp);
     let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
     let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
@@ -302,7 +360,9 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
                     let mut h = Hypothesis { master: Arc::clone(&master), quantity, ..anchor.clone() };
                     h.encoding.curve = curve;
                     let values: Vec<f64> = data.at(&choice).into_iter().map(|v| curve.undo(v)).collect();
-                    shared.push(search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding));
+                    let (h, cost) = search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding);
+                    let price = search::price_of_ranges(&h);
+                    shared.push((h, cost * price));
                 }
             }
         }

@@ -84,6 +84,17 @@ impl Ramp {
         Self { first, step, ..self }
     }
 
+    /// The same with the texels at the centres of so many equal parts of a part of the range.
+    pub fn covering(self, low: f64, high: f64) -> Self {
+        let step = (high - low) / self.size as f64;
+        Self { first: low + 0.5 * step, step, ..self }
+    }
+
+    /// Whether neither the whole of a known range nor a shift of it is what the texels cover.
+    pub fn is_fitted(&self) -> bool {
+        self.parameter.range().is_some() && self.shift().is_none()
+    }
+
     /// The simple place where the texels are, if they are at one.
     pub fn place(&self) -> Option<Place> {
         Place::ALL.into_iter().find(|place| {
@@ -104,6 +115,15 @@ impl Ramp {
                 ((self.step * n - 1.0).abs() < 0.5 / n).then(|| (middle * 100.0).round() / 100.0)
             }
         }
+    }
+
+    /// The axis that has the texels where they are, displaced as they may be; [`Ramp::axis`] is what it should be.
+    pub fn axis_as_it_is(&self) -> Axis {
+        let shift = match self.place() {
+            Some(Place::Centre(shift) | Place::Edge(shift)) => shift,
+            None => 0.0, // measured, not known: nothing reproduces that to the digit
+        };
+        Axis { shift: if self.flip { -shift } else { shift }, ..self.axis() }
     }
 
     /// The axis as a recipe has it: shifts by texels are left out, as they are faults; whatever else was fitted becomes a range.
@@ -171,10 +191,20 @@ mod tests {
         for nodes in ["mu:9", "roughness:9", "eta:9:f0-fourth-root", "eta:9:0..1:f0-fourth-root", "sigma:9"] {
             let nodes: Axis = nodes.parse().unwrap();
             for ramp in ramps(&nodes, 16) {
-                for (place, flip) in [(Place::Centre(0.0), false), (Place::Edge(0.0), true), (Place::Centre(0.0), true)]
-                {
+                for (place, flip) in [
+                    (Place::Centre(0.0), false),
+                    (Place::Edge(0.0), true),
+                    (Place::Centre(0.0), true),
+                    (Place::Centre(1.0), false),
+                    (Place::Centre(-1.0), true),
+                    (Place::Edge(1.0), true),
+                ] {
                     let ramp = Ramp { flip, ..ramp.placed(place) };
-                    let axis = ramp.axis();
+                    // Beyond a range that nobody knows, values may go on; a right axis ends there.
+                    if ramp.shift() != Some(0.0) && ramp.range != ramp.domain {
+                        continue;
+                    }
+                    let axis = ramp.axis_as_it_is();
                     axis.check().unwrap_or_else(|e| panic!("{axis}: {e}"));
                     for i in 0..16 {
                         let (a, b) = (ramp.value(i), axis.value(i));

@@ -1,9 +1,10 @@
 //! Trying every master over every simple arrangement of axes, on a choice of texels; then fitting shifts, ranges and factors of those
 //! that come nearest.
 
-use super::masters::{Master, Taps};
+use super::masters::{Master, Taps, along};
 use super::ramp::{Place, Ramp, ramps};
 use crate::claim::{Curve, Encoding};
+use crate::math::warp::Warp;
 use crate::table::{Axis, Parameter};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -120,20 +121,19 @@ fn in_table_order(values: &[f64], taps: &[Vec<Taps>], varies: &[usize]) -> Vec<f
     if varies.windows(2).all(|w| w[0] < w[1]) {
         return values.to_vec();
     }
-    let strides: Vec<usize> = (0..taps.len()).map(|p| taps[..p].iter().map(Vec::len).product()).collect();
+    let counts: Vec<usize> = taps.iter().map(Vec::len).collect();
+    table_order(&counts, varies).into_iter().map(|i| values[i]).collect()
+}
+
+/// Where, among values over parameters of so many each, the first fastest, those stand that a table has one after the other.
+fn table_order(counts: &[usize], varies: &[usize]) -> Vec<usize> {
+    let strides: Vec<usize> = (0..counts.len()).map(|p| counts[..p].iter().product()).collect();
     let mut order = vec![0];
     for &p in varies.iter().rev() {
-        order = order
-            .iter()
-            .flat_map(|base| {
-                (0..taps[p].len()).map({
-                    let stride = strides[p];
-                    move |i| base + i * stride
-                })
-            })
-            .collect();
+        let stride = strides[p];
+        order = order.iter().flat_map(|base| (0..counts[p]).map(move |i| base + i * stride)).collect();
     }
-    order.into_iter().map(|i| values[i]).collect()
+    order
 }
 
 /// Factor and offset that bring `predicted` nearest to `values`, with weights.
@@ -156,10 +156,10 @@ fn affine(values: &[f64], predicted: &[f64], weights: &[f64]) -> (f64, f64) {
     (scale, (y - scale * x) / w)
 }
 
-/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy.
-fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64) -> f64 {
-    let mut squares: Vec<f64> =
-        values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()).collect();
+/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy. `squares` is overwritten.
+fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, squares: &mut Vec<f64>) -> f64 {
+    squares.clear();
+    squares.extend(values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()));
     if squares.is_empty() {
         return f64::INFINITY;
     }
@@ -176,6 +176,8 @@ const PRICE_OF_ANY: f64 = 4.0;
 const PRICE_OF_KNOWN: f64 = 1.5;
 /// The same for a curve.
 const PRICE_OF_CURVE: f64 = 2.0;
+/// The same for every dimension whose ends had to be fitted.
+const PRICE_OF_RANGE: f64 = 1.25;
 /// Factors and offsets that tables are stored with.
 const KNOWN: [(f64, f64); 12] = [
     (1.0, 0.0),
@@ -192,20 +194,33 @@ const KNOWN: [(f64, f64); 12] = [
     (1.0 / 255.0, 0.0),
 ];
 
+/// How much of what is left may be in the worst tenth of the texels: more is not looked for while everything is tried.
+const WORST_TENTH: f64 = 4.0;
+
 /// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price, which is infinite
-/// where it is clear that it exceeds `limit`.
-fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: f64) -> (Encoding, f64, f64) {
+/// where it is clear that it exceeds `limit`. `squares` is overwritten.
+fn encoding(
+    values: &[f64],
+    predicted: &[f64],
+    curve: Curve,
+    floor: f64,
+    limit: f64,
+    squares: &mut Vec<f64>,
+) -> (Encoding, f64, f64) {
     let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
-    let weights = vec![1.0; values.len()];
-    let (a, b) = affine(values, predicted, &weights);
-    let any = trimmed(values, predicted, a, b);
+    let (a, b, left) = nearest(values, predicted);
+    let hopeless = (Encoding { scale: a, offset: b, curve }, left, f64::INFINITY);
+    if left / WORST_TENTH * price_of_curve > limit {
+        return hopeless;
+    }
+    let any = trimmed(values, predicted, a, b, squares);
     // No known factor fits much better than the best of all: what is dear with that need not be looked at further.
     if 0.8 * (any + floor) * price_of_curve > limit {
-        return (Encoding { scale: a, offset: b, curve }, any, f64::INFINITY);
+        return hopeless;
     }
     let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
     for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
-        let residual = trimmed(values, predicted, scale, offset);
+        let residual = trimmed(values, predicted, scale, offset, squares);
         let price = if i == 0 { 1.0 } else { PRICE_OF_KNOWN };
         let cost = (residual + floor) * price * price_of_curve;
         if cost < best.2 {
@@ -213,6 +228,29 @@ fn encoding(values: &[f64], predicted: &[f64], curve: Curve, floor: f64, limit: 
         }
     }
     best
+}
+
+/// Factor and offset that bring `predicted` nearest to `values`, and the root mean square of what they leave.
+fn nearest(values: &[f64], predicted: &[f64]) -> (f64, f64, f64) {
+    let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for (v, p) in values.iter().zip(predicted) {
+        // A value that is none counts for nothing; without a branch.
+        let (k, v) = if v.is_finite() { (1.0, *v) } else { (0.0, 0.0) };
+        n += k;
+        x += k * p;
+        y += v;
+        xx += k * p * p;
+        xy += p * v;
+        yy += v * v;
+    }
+    let n = f64::max(n, 1.0);
+    let (across, along) = (n * xx - x * x, n * xy - x * y);
+    if across <= 1e-12 * n * xx {
+        return (1.0, 0.0, ((yy - y * y / n) / n).max(0.0).sqrt()); // a constant explains nothing
+    }
+    let scale = along / across;
+    let squares = (n * yy - y * y - scale * along) / (n * n);
+    (scale, (y - scale * x) / n, squares.max(0.0).sqrt())
 }
 
 /// Indices along each dimension while everything is tried.
@@ -251,8 +289,28 @@ fn assignments(n_dimensions: usize, n_parameters: usize) -> Vec<Vec<usize>> {
 /// Values that a parameter without a dimension is tried at, in parts of its nodes.
 const FREE: [f64; 5] = [0.15, 0.35, 0.55, 0.75, 0.95];
 
+/// What is tried of every dimension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrangement {
+    /// The whole range, in every warp.
+    Whole,
+    /// Parts of the range without a warp: whoever cuts a table mostly cuts a plain one.
+    Cropped,
+}
+
+/// What may be missing at either end of a cropped range, in parts of it: fitting finds what lies between.
+const CUT: [f64; 3] = [0.0, 0.15, 0.3];
+
 /// Every ramp of a dimension: flipped or not, and for tables of few texels at centres and at edges.
-fn variants(nodes: &Axis, size: usize, both: bool) -> Vec<Ramp> {
+fn variants(nodes: &Axis, size: usize, both: bool, arrangement: Arrangement) -> Vec<Ramp> {
+    if arrangement == Arrangement::Cropped {
+        return ramps(nodes, size)
+            .into_iter()
+            .filter(|ramp| ramp.warp == Warp::Linear && ramp.parameter.range().is_some())
+            .flat_map(|ramp| CUT.map(|low| CUT.map(|high| ramp.covering(low, 1.0 - high))).concat())
+            .flat_map(|ramp| [false, true].map(|flip| Ramp { flip, ..ramp }))
+            .collect();
+    }
     let places: &[Place] = if both { &[Place::Centre(0.0), Place::Edge(0.0)] } else { &[Place::Centre(0.0)] };
     ramps(nodes, size)
         .into_iter()
@@ -262,7 +320,13 @@ fn variants(nodes: &Axis, size: usize, both: bool) -> Vec<Ramp> {
 }
 
 /// The best hypotheses of each channel: at most `most`, of different kinds, cheapest first.
-pub fn search(channels: &[Data], masters: &[Arc<Master>], curves: &[Curve], most: usize) -> Vec<Vec<Hypothesis>> {
+pub fn search(
+    channels: &[Data],
+    masters: &[Arc<Master>],
+    curves: &[Curve],
+    arrangement: Arrangement,
+    most: usize,
+) -> Vec<Vec<Hypothesis>> {
     let Some(sizes) = channels.first().map(|c| &c.sizes) else { return vec![] };
     let choice = choice(sizes, COARSE[sizes.len() - 1]);
     // (channel, curve, its values through the curve's inverse)
@@ -291,7 +355,14 @@ pub fn search(channels: &[Data], masters: &[Arc<Master>], curves: &[Curve], most
         .collect();
     let found: Vec<(usize, f64, Hypothesis)> = jobs
         .par_iter()
-        .flat_map_iter(|(master, varies, free)| try_all(master, varies, *free, sizes, &choice, &values, channels))
+        .flat_map_iter(|(master, varies, free)| {
+            // Half a texel is found by fitting, unless texels are few.
+            let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
+            let nodes = &master.definition.nodes;
+            let ramps: Vec<Vec<Ramp>> =
+                varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
+            try_all(master, varies, *free, &ramps, &choice, &values, channels)
+        })
         .collect();
     let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
     for (c, cost, hypothesis) in found {
@@ -326,51 +397,102 @@ fn try_all(
     master: &Arc<Master>,
     varies: &[usize],
     free: Option<f64>,
-    sizes: &[usize],
+    per_dimension: &[Vec<Ramp>],
     choice: &Choice,
     values: &[(usize, Curve, Vec<f64>)],
     channels: &[Data],
 ) -> Vec<(usize, f64, Hypothesis)> {
     let nodes = &master.definition.nodes;
-    // Half a texel is found by fitting, unless texels are few.
-    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
-    let per_dimension: Vec<Vec<Ramp>> =
-        varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both)).collect();
-    let mut combinations: Vec<Vec<Ramp>> = vec![vec![]];
-    for ramps in &per_dimension {
-        combinations = combinations
-            .iter()
-            .flat_map(|so_far| ramps.iter().map(move |r| [so_far.as_slice(), &[*r]].concat()))
-            .collect();
+    // What may be looked up along each parameter: an entry per ramp of the dimension that varies it, or the free value alone.
+    let mut lookups: Vec<Vec<Vec<Taps>>> = vec![vec![]; nodes.len()];
+    for (dimension, &p) in varies.iter().enumerate() {
+        lookups[p] = per_dimension[dimension].iter().map(|ramp| taps(&nodes[p], ramp, &choice[dimension])).collect();
     }
-    let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
-    for ramps in combinations {
-        for quantity in 0..master.definition.quantities().len() {
-            let mut hypothesis = Hypothesis {
-                master: Arc::clone(master),
-                quantity,
-                ramps: ramps.clone(),
-                varies: varies.to_vec(),
-                free,
-                encoding: Encoding::PLAIN,
-                residual: 0.0,
-            };
-            let predicted = hypothesis.predict(choice);
-            for (c, curve, values) in values {
-                let floor = MASTER_ERROR + channels[*c].rounding;
-                let list = &mut best[*c];
-                let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].0 };
-                let (encoding, residual, cost) = encoding(values, &predicted, *curve, floor, limit);
-                if list.len() < KEPT || list.last().is_none_or(|last| cost < last.0) {
-                    (hypothesis.encoding, hypothesis.residual) = (encoding, residual);
-                    let at = list.partition_point(|(known, _)| *known < cost);
-                    list.insert(at, (cost, hypothesis.clone()));
-                    list.truncate(KEPT);
-                }
+    if let (Some(value), Some((last, lookup))) = (free, nodes.last().zip(lookups.last_mut())) {
+        *lookup = vec![vec![Taps::new(last.position(value), last.size)]];
+    }
+    // Values in the order of the master's parameters: predictions then need not be brought into that of the table.
+    let counts: Vec<usize> = lookups.iter().map(|lookup| lookup.first().map_or(0, Vec::len)).collect();
+    let order = table_order(&counts, varies);
+    let values = values.iter().map(|(c, curve, values)| {
+        let mut sorted = vec![0.0; values.len()];
+        order.iter().zip(values).for_each(|(&to, &v)| sorted[to] = v);
+        (*c, *curve, sorted)
+    });
+    let mut trial = Trial {
+        lookups: &lookups,
+        values: values.collect(),
+        floors: channels.iter().map(|data| MASTER_ERROR + data.rounding).collect(),
+        chosen: vec![0; nodes.len()],
+        best: vec![vec![]; channels.len()],
+        squares: vec![],
+    };
+    let sizes: Vec<usize> = nodes.iter().map(|a| a.size).collect();
+    for quantity in 0..master.definition.quantities().len() {
+        trial.look_up(quantity, nodes.len(), &master.plane(quantity), &sizes);
+    }
+    let hypothesis = |found: &Found| Hypothesis {
+        master: Arc::clone(master),
+        quantity: found.quantity,
+        ramps: varies.iter().zip(per_dimension).map(|(&p, ramps)| ramps[found.chosen[p]]).collect(),
+        varies: varies.to_vec(),
+        free,
+        encoding: found.encoding,
+        residual: found.residual,
+    };
+    let best = trial.best.iter().enumerate();
+    best.flat_map(|(c, list)| list.iter().map(move |found| (c, found.cost, hypothesis(found)))).collect()
+}
+
+/// What fits a channel well, by numbers.
+#[derive(Debug, Clone)]
+struct Found {
+    cost: f64,
+    quantity: usize,
+    /// The ramp of each parameter.
+    chosen: Vec<usize>,
+    encoding: Encoding,
+    residual: f64,
+}
+
+/// One master, of which every combination of ramps is tried.
+struct Trial<'a> {
+    lookups: &'a [Vec<Vec<Taps>>],
+    /// (channel, curve, its values through the curve's inverse)
+    values: Vec<(usize, Curve, Vec<f64>)>,
+    floors: Vec<f64>,
+    chosen: Vec<usize>,
+    best: Vec<Vec<Found>>,
+    squares: Vec<f64>,
+}
+
+impl Trial<'_> {
+    /// Looks up the last of the first `left` parameters in every way, and then those before it: what combinations have in common is
+    /// looked up once.
+    fn look_up(&mut self, quantity: usize, left: usize, plane: &[f64], sizes: &[usize]) {
+        let Some(p) = left.checked_sub(1) else { return self.judge(quantity, plane) };
+        let lookups = self.lookups;
+        for (ramp, taps) in lookups[p].iter().enumerate() {
+            self.chosen[p] = ramp;
+            let mut shrunk = sizes.to_vec();
+            shrunk[p] = taps.len();
+            self.look_up(quantity, p, &along(plane, sizes, p, taps), &shrunk);
+        }
+    }
+
+    fn judge(&mut self, quantity: usize, predicted: &[f64]) {
+        for (c, curve, values) in &self.values {
+            let list = &mut self.best[*c];
+            let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].cost };
+            let (encoding, residual, cost) =
+                encoding(values, predicted, *curve, self.floors[*c], limit, &mut self.squares);
+            if list.len() < KEPT || cost < limit {
+                let at = list.partition_point(|known| known.cost < cost);
+                list.insert(at, Found { cost, quantity, chosen: self.chosen.clone(), encoding, residual });
+                list.truncate(KEPT);
             }
         }
     }
-    best.into_iter().enumerate().flat_map(|(c, list)| list.into_iter().map(move |(cost, h)| (c, cost, h))).collect()
 }
 
 /// Steps of the fit at most.
@@ -399,7 +521,8 @@ pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64
 /// The same hypothesis with the best encoding.
 pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
     let predicted = hypothesis.predict(choice);
-    let (encoding, residual, cost) = encoding(values, &predicted, hypothesis.encoding.curve, floor, f64::INFINITY);
+    let curve = hypothesis.encoding.curve;
+    let (encoding, residual, cost) = encoding(values, &predicted, curve, floor, f64::INFINITY, &mut vec![]);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 
@@ -500,8 +623,17 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
     x
 }
 
+/// What the ranges cost that had to be fitted although the whole is known.
+pub fn price_of_ranges(hypothesis: &Hypothesis) -> f64 {
+    hypothesis.ramps.iter().filter(|ramp| ramp.is_fitted()).map(|_| PRICE_OF_RANGE).product()
+}
+
 /// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
 const SIMPLE_IS_AS_GOOD: f64 = 1.15;
+
+/// How much worse a place may fit along one dimension of a volume while the others are fitted, and how many such are tried.
+const OTHERS_FITTED: f64 = 3.0;
+const FEW_PLACES: usize = 4;
 
 /// The hypothesis with its texels at the simplest places that fit about as well as the fitted ones.
 pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
@@ -515,16 +647,33 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
             // Farther than two texels from what was fitted at either end is not what was fitted.
             (first - ramp.first).abs() < 2.0 / n && (last(first, step) - last(ramp.first, ramp.step)).abs() < 2.0 / n
         };
-        let range_is_free = ramp.parameter.range().is_none() && ramp.warp != crate::math::warp::Warp::F0FourthRoot;
+        let range_is_free = ramp.parameter.range().is_none() && ramp.warp != Warp::F0FourthRoot;
         let places = Place::ALL.into_iter().filter(close).map(Some);
         if range_is_free { places.take(2).chain([None]).collect() } else { places.chain([None]).collect() }
     };
+    // Of each dimension only the places that fit while the others are where they were fitted: all combinations are too many.
+    let likely = |dimension: usize| -> Vec<Option<Place>> {
+        let placed = |place: Option<Place>| {
+            let mut ramps = fitted.ramps.clone();
+            ramps[dimension] = place.map_or(ramps[dimension], |place| ramps[dimension].placed(place));
+            settle(&Hypothesis { ramps, ..fitted.clone() }, &values, choice, floor).1
+        };
+        let all = near(&fitted.ramps[dimension]);
+        if fitted.ramps.len() < 3 {
+            return all;
+        }
+        let mut rated: Vec<(f64, Option<Place>)> = all.into_iter().map(|place| (placed(place), place)).collect();
+        rated.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals the simplest first
+        let best = rated[0].0;
+        rated.into_iter().filter(|r| r.0 <= OTHERS_FITTED * best).take(FEW_PLACES).map(|r| r.1).collect()
+    };
     let mut combinations: Vec<(usize, Vec<Ramp>)> = vec![(0, vec![])];
-    for ramp in &fitted.ramps {
+    for (dimension, ramp) in fitted.ramps.iter().enumerate() {
+        let places = likely(dimension);
         combinations = combinations
             .iter()
             .flat_map(|(rank, so_far)| {
-                near(ramp).into_iter().map(move |place| {
+                places.iter().map(move |&place| {
                     let placed = place.map_or(*ramp, |place| ramp.placed(place));
                     let own = match place {
                         None => 100, // only if nothing simple will do
@@ -545,5 +694,7 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
     let best = tried.iter().map(|t| t.2).fold(f64::INFINITY, f64::min);
     tried.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)));
     let simplest = tried.into_iter().find(|(_, _, cost)| *cost <= SIMPLE_IS_AS_GOOD * best);
-    simplest.map_or_else(|| (fitted.clone(), best), |(_, hypothesis, cost)| (hypothesis, cost))
+    let (hypothesis, cost) = simplest.map_or_else(|| (fitted.clone(), best), |(_, h, cost)| (h, cost));
+    let price = price_of_ranges(&hypothesis);
+    (hypothesis, cost * price)
 }

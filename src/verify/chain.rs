@@ -98,12 +98,13 @@ pub struct LevelError {
     pub fireflies: usize,
     /// How many times the truth the worst of them is, and where.
     pub worst_firefly: Option<(f64, String)>,
-    /// RMS of the step of the error across the edges of faces, and beside them within faces: alike if there are no seams.
+    /// RMS of the jump of the error at the edges of faces, and of such jumps within faces: alike if there are no seams. A jump is what
+    /// two straight lines through two texels each leave where they meet.
     pub seams: [f64; 2],
 }
 
 impl LevelError {
-    /// Whether the error steps more at edges than beside them, and by more than rounding to halves does.
+    /// Whether the error jumps more at edges than within faces, and by more than rounding to halves does.
     pub fn has_seams(&self) -> bool {
         /// Eight times the rounding of a half.
         const ROUNDING: f64 = 2e-3;
@@ -182,7 +183,9 @@ pub fn judge(levels: &[Cube], question: &Question) -> Result<Verdict> {
         (None, Some(own)) => own,
         (None, None) => return Err(Error::invalid("no source", "give one")),
     };
-    let orientation = question.source.map(|source| orientation_of(&clean[0], source));
+    let refined = refined(source);
+    let source = refined.as_ref().unwrap_or(source);
+    let orientation = question.source.map(|_| orientation_of(&clean[0], source));
     let turn = orientation.as_ref().map_or(Some(Turn::NONE), |found| found.turn);
     let mut verdict = Verdict {
         size: first.size,
@@ -218,6 +221,23 @@ pub fn judge(levels: &[Cube], question: &Question) -> Result<Verdict> {
     Ok(verdict)
 }
 
+/// Rows below which a panorama's texels are so wide that kernels are not smooth within them, and each is integrated exactly.
+const FEW_ROWS: usize = 192;
+
+/// Texels beyond which a panorama is left as it is: one of strange proportions need not fill the memory.
+const MOST_TEXELS: usize = 1 << 20;
+
+/// A panorama of few texels with each cut into as many as it takes: the same function, filtered by any kernel several times as fast.
+fn refined(source: &Panorama) -> Option<Panorama> {
+    let (width, height) = (source.width(), source.height());
+    let k = FEW_ROWS.div_ceil(height);
+    if k * k * width * height > MOST_TEXELS {
+        return None;
+    }
+    let texel = |i: usize| source.texels()[i / (k * width) / k * width + i % (k * width) / k];
+    (k > 1).then(|| Panorama::new(k * width, k * height, (0..k * k * width * height).map(texel).collect()).ok())?
+}
+
 fn without_nonfinite(cube: &Cube) -> Cube {
     let finite = |texel: &[f32; 3]| texel.map(|v| if v.is_finite() { v } else { 0.0 });
     Cube { size: cube.size, texels: cube.texels.iter().map(finite).collect() }
@@ -247,7 +267,9 @@ fn orientation_of(level: &Cube, source: &Panorama) -> Orientation {
     let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size.is_multiple_of(*n)).unwrap_or(1);
     let file = shrink(level, size);
     let mut truths = vec![area_average(source, size)];
-    let kernels = [0.15, 0.5, 1.0].map(Kernel::new);
+    // A sheen's kernel is a ring: what it leaves of a picture looks like no cap's.
+    let rings = [0.25, 0.6, 1.0].map(|alpha| Kernel::of(KernelKind::Charlie, alpha));
+    let kernels: Vec<Kernel> = [0.15, 0.5, 1.0].map(Kernel::new).into_iter().chain(rings).collect();
     let zonal = Zonal::new(source, &kernels, InstructionSet::detect());
     truths.extend(kernels.iter().map(|kernel| zonal.function(kernel).cube(size, &|_| {})));
     orientation::find(&file, &truths)
@@ -598,16 +620,7 @@ impl Compared<'_> {
                 }
             }
         }
-        let step = |a: usize, b: usize| {
-            (0..3).map(|c| (relative(a, c, scale) - relative(b, c, scale)).powi(2)).sum::<f64>() / 3.0
-        };
-        let pairs = across_edges(size);
-        let (mut across, mut beside) = (0.0, 0.0);
-        for &[inside, edge, other, beyond] in &pairs {
-            across += step(edge, other);
-            beside += 0.5 * (step(inside, edge) + step(other, beyond));
-        }
-        let n = pairs.len().max(1) as f64;
+        let seams = seams(size, |i, c| relative(i, c, scale));
         LevelError {
             against_roughness,
             rms: (squares / weights).sqrt(),
@@ -616,9 +629,43 @@ impl Compared<'_> {
             worst_at: format!("{}, {}", place(size, worst.0), ["R", "G", "B"][worst.1]),
             fireflies,
             worst_firefly: (fireflies > 0).then(|| (brightest.0, place(size, brightest.1))),
-            seams: [(across / n).sqrt(), (beside / n).sqrt()],
+            seams,
         }
     }
+}
+
+/// RMS of the jumps of an error at the edges between faces and within faces.
+///
+/// However steep an error is, if it is smooth its jumps are of third order in a texel, and of no less order within faces: texels lie
+/// mirrored on either side of an edge. Noise jumps alike everywhere.
+fn seams(size: usize, error: impl Fn(usize, usize) -> f64) -> [f64; 2] {
+    let rms = |squares: &[f64]| (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+    let square = |f: &dyn Fn(usize) -> f64| (0..3).map(|c| f(c).powi(2)).sum::<f64>() / 3.0;
+    let step = |a: usize, b: usize| square(&|c| error(a, c) - error(b, c));
+    let jump = |[a, b, c, d]: [usize; 4]| {
+        square(&|channel| {
+            let at = |i| error(i, channel);
+            1.5 * (at(b) - at(c)) - 0.5 * (at(a) - at(d))
+        })
+    };
+    let pairs = across_edges(size);
+    let steps: Vec<f64> = pairs.iter().map(|&[_, edge, other, _]| step(edge, other)).collect();
+    if size < 4 {
+        let within =
+            pairs.iter().map(|&[inside, edge, other, beyond]| 0.5 * (step(inside, edge) + step(other, beyond)));
+        return [rms(&steps), rms(&within.collect::<Vec<_>>())];
+    }
+    // The four texels inwards from an edge.
+    let inwards = |[inside, edge, other, beyond]: [usize; 4]| {
+        let line = |from: usize, to: usize| {
+            [0_isize, 1, 2, 3].map(|k| (from as isize + k * (to as isize - from as isize)) as usize)
+        };
+        [line(edge, inside), line(other, beyond)]
+    };
+    let across: Vec<f64> = pairs.iter().map(|&pair| jump(pair)).collect();
+    let within: Vec<f64> = pairs.iter().flat_map(|&pair| inwards(pair)).map(jump).collect();
+    // Where a smooth error is steep, what is left of third order may differ: a seam's jump is at least half its step.
+    [rms(&across), rms(&within).max(rms(&steps) / 3.0)]
 }
 
 fn place(size: usize, texel: usize) -> String {
@@ -666,7 +713,7 @@ fn findings(verdict: &Verdict) -> Vec<String> {
         }
         if error.has_seams() {
             let [across, beside] = error.seams.map(|step| 100.0 * step);
-            found.push(format!("level {m}: seams, steps of {across:.2} % across edges, {beside:.2} % beside them"));
+            found.push(format!("level {m}: seams, jumps of {across:.2} % at edges, {beside:.2} % within faces"));
         }
     }
     found

@@ -87,6 +87,7 @@ pub struct ChannelErrors {
 /// **Errors**: a table that nobody can tell what it is; those of the integrator.
 pub fn judge(path: &Path, grid: &Grid, claim: Option<Claim>, options: &Options) -> Result<Report> {
     let mut report = Report { file: path.to_owned(), ..Report::default() };
+    let mut unpacked = None;
     let claim = match claim {
         Some(claim) => {
             report.claim = format!("judged as {claim}");
@@ -105,9 +106,14 @@ pub fn judge(path: &Path, grid: &Grid, claim: Option<Claim>, options: &Options) 
                 format!("nothing was said of it; it is {}: judged as {}", found.confidence.words(), found.claim);
             report.notes.extend(found.faults());
             report.notes.extend(found.unexplained());
+            if let Some(packing) = found.packing {
+                report.notes.push(format!("its bytes make sense as codes of {packing} only; --packing says so"));
+                unpacked = grid.unpacked(packing);
+            }
             found.claim
         }
     };
+    let grid = unpacked.as_ref().unwrap_or(grid);
     for (spec, channels) in claim.groups() {
         judge_group(grid, &spec, &channels, options, &mut report)?;
     }

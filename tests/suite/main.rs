@@ -25,5 +25,6 @@ mod malformed_files;
 mod materials;
 mod models;
 mod readme;
+mod recognised;
 mod shader;
 mod verify;
