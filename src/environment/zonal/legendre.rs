@@ -143,10 +143,7 @@ impl Walk {
 
     #[inline(always)]
     fn step<A: Arithmetic>(&mut self, cos: V, a: f64) {
-        let mut next = scale(cos, a);
-        for lane in 0..LANES {
-            next[lane] = A::fused(next[lane], self.current[lane], -self.before[lane]);
-        }
+        let next = A::mul_add(scale(cos, a), self.current, scale(self.before, -1.0));
         self.before = self.current;
         self.current = next;
     }
