@@ -150,8 +150,8 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// P at every edge between rows, counted from a pole.
-struct Wedges {
-    grid: Grid,
+pub(super) struct Wedges {
+    pub(super) grid: Grid,
     /// One line of `width` values of P for each edge of the grid's rows.
     prefix: Vec<[f64; 3]>,
 }
@@ -159,7 +159,7 @@ struct Wedges {
 impl Wedges {
     /// The prefix integrals of `panorama − mean` over the first `rows` rows from the north pole, or from the south pole of
     /// the panorama when `mirrored`. They take 24 bytes a texel.
-    fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool) -> Self {
+    pub(super) fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let grid = Grid::new(width, panorama.row_edges(), rows);
         // Each band of rows from zero, on any thread; then what all bands above come to is added.
@@ -197,7 +197,7 @@ impl Wedges {
 
     /// Adds ∫ P dφ over what a texel holds of an arc.
     #[inline]
-    fn add(&self, part: Part, sum: &mut [f64; 3]) {
+    pub(super) fn add(&self, part: Part, sum: &mut [f64; 3]) {
         let index = part.row * self.grid.width() + part.column;
         let (above, below) = (self.prefix[index], self.prefix[index + self.grid.width()]);
         for c in 0..3 {

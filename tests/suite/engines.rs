@@ -69,7 +69,9 @@ fn shader(engine: &str, world: DVec3) -> Option<(DVec3, DVec3)> {
     let DVec3 { x, y, z } = world;
     Some(match engine {
         // Right-handed, +Y up, looked up as it is.
-        "filament" | "gltf" | "godot" | "materialx" => (world, world),
+        "filament" | "gltf" | "godot" => (world, world),
+        // u = 1/2 + atan2(x, -z)/2π, where a panorama of Kiln's has u = 1/2 + atan2(z, x)/2π.
+        "materialx" => (DVec3::new(-z, y, x), world),
         // Right-handed, +Y up, X negated before the lookup.
         "threejs" | "playcanvas" => (DVec3::new(-x, y, z), world),
         "bevy" => (DVec3::new(x, y, -z), world),
