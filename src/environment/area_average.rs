@@ -13,80 +13,103 @@ use rayon::prelude::*;
 use super::cube::{Cube, edge, solid_angles};
 use super::overlap::{CENTRES, Circle, Grid, Part, cap_rows, top_circle};
 use super::panorama::Panorama;
+use super::zonal::{Arithmetic, InstructionSet, Twice, compiled_for};
 
 /// The panorama averaged over the exact solid angle of each texel of a cube of this size. A constant panorama comes out
 /// as exactly its constant, and the flux is conserved to rounding.
 pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
-    let mean = panorama.mean();
-    let angles = solid_angles(size);
-    // The faces at the side reach 45° below the equator. One set of wedges at a time: they are larger than the panorama.
-    let height = panorama.height();
-    let north = Wedges::new(panorama, mean, (3 * height / 4 + 2).min(height), false);
-    let ([right, left, front, back], top) = (side_faces(&north, size), top_face(&north, size));
+    let (mean, height) = (panorama.mean(), panorama.height());
+    let instructions = InstructionSet::detect();
+    let wedges = |rows: usize, mirrored: bool| Wedges::new(panorama, mean, rows, mirrored, instructions);
+    // One set of wedges at a time: they are larger than the panorama. Rows mirror each other: so do the arcs around the poles.
+    let south = wedges(cap_rows(height), true);
+    let arcs = pole_arcs(&south.grid, size);
+    let bottom = pole_lines(&south, size, &arcs);
+    drop(south);
+    // The faces at the side reach 45° below the equator.
+    let north = wedges((3 * height / 4 + 2).min(height), false);
+    let top = pole_lines(&north, size, &arcs);
+    drop(arcs);
+    let sides = side_lines(&north, size);
     drop(north);
-    let south = Wedges::new(panorama, mean, cap_rows(height), true);
-    let bottom = flip_rows(top_face(&south, size), size);
-    let faces = [right, left, top, bottom, front, back];
+    let angles = solid_angles(size);
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());
-    let average = |(residual, angle): (&[f64; 3], &f64)| {
-        std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
-    };
-    let texels = faces.iter().flat_map(|face| face.iter().zip(&angles).map(average)).collect();
+    let mut texels = vec![[0.0f32; 3]; 6 * size * size];
+    texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
+        let (face, row) = (line / size, line % size);
+        let angles = &angles[row * size..][..size];
+        let average = |residual: [f64; 3], angle: f64| -> [f32; 3] {
+            std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
+        };
+        let at_side = |side: usize, out: &mut [[f32; 3]]| {
+            let (above, below) = (&sides[row][side], &sides[row + 1][side]);
+            for (((out, above), below), angle) in out.iter_mut().zip(above).zip(below).zip(angles) {
+                *out = average(subtract(*above, *below), *angle);
+            }
+        };
+        let at_pole = |lines: &[PoleLine], row: usize, out: &mut [[f32; 3]]| {
+            let (above, below) = (&lines[row][1], &lines[row + 1][1]);
+            for (column, (out, angle)) in out.iter_mut().zip(angles).enumerate() {
+                let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
+                let down = subtract(above[column], below[column]);
+                *out = average(std::array::from_fn(|c| across[c] + down[c]), *angle);
+            }
+        };
+        match face {
+            2 => at_pole(&top, row, out),
+            3 => at_pole(&bottom, size - 1 - row, out),
+            0 | 1 => at_side(face, out),
+            _ => at_side(face - 2, out),
+        }
+    });
     Cube { size, texels }
 }
 
-/// Integrals over the texels of the faces beside the equator: +X, −X, +Z, −Z.
-fn side_faces(wedges: &Wedges, size: usize) -> [Vec<[f64; 3]>; 4] {
-    // The rows of texels end at circles of constant v; the columns at meridians. φ falls as u grows.
-    let lines = by_symmetry(
-        wedges,
-        size,
-        |v| Some((v, 1.0)),
-        |arc, v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0)),
-    );
-    let texel = |i: usize| (i / size, i % size);
-    std::array::from_fn(|face| {
-        let at = |(row, column): (usize, usize)| subtract(lines[row][face][column], lines[row + 1][face][column]);
-        (0..size * size).map(texel).map(at).collect()
+/// Integrals along the pieces of one line between texels.
+type Line = Vec<[f64; 3]>;
+/// On a face at a pole: of the line at some u, which runs along v, and of the line at the same v.
+type PoleLine = [Line; 2];
+
+/// Along the lines between the rows of the faces beside the equator, +X, −X, +Z, −Z: circles of constant v. (Their columns end at
+/// meridians. φ falls as u grows.)
+fn side_lines(wedges: &Wedges, size: usize) -> Vec<[Line; 4]> {
+    by_symmetry(size, |_, v| {
+        let arc = Arc::new(&wedges.grid, Some((v, 1.0)), size);
+        move |v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0))
     })
 }
 
-/// Integrals over the texels of the face around the pole that the wedges start from.
-fn top_face(wedges: &Wedges, size: usize) -> Vec<[f64; 3]> {
-    let lines = by_symmetry(
-        wedges,
-        size,
-        |t| (t > 0.0).then_some((1.0, t)),
-        |arc, t| {
+/// The arcs of a face around a pole, of lines from its middle on.
+fn pole_arcs(grid: &Grid, size: usize) -> Vec<Arc> {
+    let arc = |k: usize| {
+        let t = edge(size, k);
+        Arc::new(grid, (t > 0.0).then_some((1.0, t)), size)
+    };
+    (size.div_ceil(2)..=size).into_par_iter().map(arc).collect()
+}
+
+/// Along the lines of the face around the pole that the wedges start from.
+fn pole_lines(wedges: &Wedges, size: usize, arcs: &[Arc]) -> Vec<PoleLine> {
+    by_symmetry(size, |index, _| {
+        let arc = &arcs[index];
+        move |t| {
             [true, false].map(|along_v| match top_circle(t, along_v) {
                 Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
                 None => vec![[0.0; 3]; size],
             })
-        },
-    );
-    let texel = |i: usize| {
-        let (row, column) = (i / size, i % size);
-        let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
-        let down = subtract(lines[row][1][column], lines[row + 1][1][column]);
-        std::array::from_fn(|c| across[c] + down[c])
-    };
-    (0..size * size).map(texel).collect()
+        }
+    })
 }
 
-/// What `lines` makes of every line between texels, in their order. Lines at ±t are halves of one circle, `circle` (its a and b) of t ≥ 0;
-/// the arcs along it are walked once for both.
-fn by_symmetry<T: Send>(
-    wedges: &Wedges,
-    size: usize,
-    circle: impl Fn(f64) -> Option<(f64, f64)> + Sync,
-    lines: impl Fn(&Arc, f64) -> T + Sync,
-) -> Vec<T> {
+/// What `lines` makes of every line between texels, in their order. Lines at ±t are halves of one circle: `lines` of t ≥ 0 (and
+/// its number) is asked once for both.
+fn by_symmetry<T: Send, L: Fn(f64) -> T>(size: usize, lines: impl Fn(usize, f64) -> L + Sync) -> Vec<T> {
     let pair = |k: usize| {
         let t = edge(size, k);
-        let arc = Arc::new(&wedges.grid, circle(t), size);
-        (lines(&arc, -t), (t > 0.0).then(|| lines(&arc, t)))
+        let line = lines(k - size.div_ceil(2), t);
+        (line(-t), (t > 0.0).then(|| line(t)))
     };
     let pairs: Vec<(T, Option<T>)> = (size.div_ceil(2)..=size).into_par_iter().map(pair).collect();
     let (low, high): (Vec<T>, Vec<Option<T>>) = pairs.into_iter().unzip();
@@ -115,34 +138,49 @@ impl Arc {
     }
 
     /// ∫ P dφ along each of the pieces of the line about the azimuth `centre`, or of its mirror image below the equator.
-    fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Vec<[f64; 3]> {
-        let mut sums = vec![[0.0; 3]; self.size];
-        let Some((a, b)) = self.circle else { return sums };
-        let width = wedges.grid.width();
-        let Some(parts) = &self.parts else {
-            let circle = Circle { a: if below { -a } else { a }, b, centre };
-            wedges.grid.along_line(&circle, turn, self.size, |piece, part| wedges.add(part, &mut sums[piece]));
-            return sums;
-        };
-        // Exact: azimuths of faces are quarters of a turn.
-        let middle = ((centre + PI) / TAU * width as f64).round() as usize;
-        for &(piece, part) in parts {
-            let (row, depth) = match below {
-                true => (wedges.grid.height() - 1 - part.row, part.length - part.depth),
-                false => (part.row, part.depth),
-            };
-            let outwards = [(middle + part.column) % width, (middle + width - 1 - part.column) % width];
-            let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
-            let part = |column: usize| Part { column, row, length: turn * part.length, depth: turn * depth };
-            wedges.add(part(right), &mut sums[piece]);
-            wedges.add(part(left), &mut sums[self.size - 1 - piece]);
+    fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Line {
+        let mut sums = vec![[0.0; 4]; self.size];
+        let Some((a, b)) = self.circle else { return vec![[0.0; 3]; self.size] };
+        match &self.parts {
+            Some(parts) => compiled_for!(
+                wedges.instructions,
+                A => add_mirrored::<A>(parts, wedges, centre, turn, below, &mut sums)
+            ),
+            None => {
+                let circle = Circle { a: if below { -a } else { a }, b, centre };
+                let add = |piece: usize, part: Part| wedges.add::<Twice>(part, &mut sums[piece]);
+                wedges.grid.along_line(&circle, turn, self.size, add);
+            }
         }
-        sums
+        sums.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
     }
 }
 
-fn flip_rows(face: Vec<[f64; 3]>, size: usize) -> Vec<[f64; 3]> {
-    face.chunks_exact(size).rev().flatten().copied().collect()
+/// Adds up ∫ P dφ over the parts of half a line and of its mirror image.
+#[inline(always)]
+fn add_mirrored<A: Arithmetic>(
+    parts: &[(usize, Part)],
+    wedges: &Wedges,
+    centre: f64,
+    turn: f64,
+    below: bool,
+    sums: &mut [[f64; 4]],
+) {
+    let (width, height, last) = (wedges.grid.width(), wedges.grid.height(), sums.len() - 1);
+    // Exact: azimuths of faces are quarters of a turn.
+    let middle = ((centre + PI) / TAU * width as f64).round() as usize % width;
+    for &(piece, part) in parts {
+        let (row, depth) = match below {
+            true => (height - 1 - part.row, part.length - part.depth),
+            false => (part.row, part.depth),
+        };
+        let within = |column: usize| if column >= width { column - width } else { column };
+        let outwards = [within(middle + part.column), within(middle + width - 1 - part.column)];
+        let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
+        let (length, depth) = (turn * part.length, turn * depth);
+        wedges.add::<A>(Part { column: right, row, length, depth }, &mut sums[piece]);
+        wedges.add::<A>(Part { column: left, row, length, depth }, &mut sums[last - piece]);
+    }
 }
 
 fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -152,56 +190,70 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// P at every edge between rows, counted from a pole.
 pub(super) struct Wedges {
     pub(super) grid: Grid,
-    /// One line of `width` values of P for each edge of the grid's rows.
-    prefix: Vec<[f64; 3]>,
+    /// One line of `width` values of P for each edge of the grid's rows, three channels each, and one number more.
+    prefix: Vec<f64>,
+    instructions: InstructionSet,
 }
 
 impl Wedges {
     /// The prefix integrals of `panorama − mean` over the first `rows` rows from the north pole, or from the south pole of
     /// the panorama when `mirrored`. They take 24 bytes a texel.
-    pub(super) fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool) -> Self {
+    pub(super) fn new(
+        panorama: &Panorama,
+        mean: [f64; 3],
+        rows: usize,
+        mirrored: bool,
+        instructions: InstructionSet,
+    ) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let grid = Grid::new(width, panorama.row_edges(), rows);
         // Each band of rows from zero, on any thread; then what all bands above come to is added.
         const BAND: usize = 64;
-        let mut prefix = vec![[0.0; 3]; (rows + 1) * width];
-        prefix[width..].par_chunks_mut(BAND * width).enumerate().for_each(|(band, lines)| {
-            let mut above = vec![[0.0; 3]; width];
-            for (row, line) in (band * BAND..).zip(lines.chunks_exact_mut(width)) {
+        let line = 3 * width;
+        let mut prefix = vec![0.0; (rows + 1) * line + 1];
+        let end = prefix.len() - 1;
+        prefix[line..end].par_chunks_mut(BAND * line).enumerate().for_each(|(band, lines)| {
+            let mut above = vec![0.0; line];
+            for (row, line) in (band * BAND..).zip(lines.chunks_exact_mut(line)) {
                 let texels = panorama.row(if mirrored { height - 1 - row } else { row });
-                for ((below, above), texel) in line.iter_mut().zip(&mut above).zip(texels) {
+                let row_height = grid.row_height(row);
+                let (line, above) = (line.as_chunks_mut::<3>().0, above.as_chunks_mut::<3>().0);
+                for ((below, above), texel) in line.iter_mut().zip(above).zip(texels) {
                     for c in 0..3 {
-                        above[c] += (f64::from(texel[c]) - mean[c]) * grid.row_height(row);
+                        above[c] += (f64::from(texel[c]) - mean[c]) * row_height;
                     }
                     *below = *above;
                 }
             }
         });
-        let mut above = vec![[0.0; 3]; width];
-        let bases: Vec<Vec<[f64; 3]>> = prefix[width..]
-            .chunks(BAND * width)
+        let mut above = vec![0.0; line];
+        let bases: Vec<Vec<f64>> = prefix[line..end]
+            .chunks(BAND * line)
             .map(|lines| {
                 let base = above.clone();
-                let last = &lines[lines.len() - width..];
-                above.iter_mut().zip(last).for_each(|(a, l)| (0..3).for_each(|c| a[c] += l[c]));
+                above.iter_mut().zip(&lines[lines.len() - line..]).for_each(|(a, l)| *a += l);
                 base
             })
             .collect();
-        prefix[width..].par_chunks_mut(BAND * width).zip(bases).skip(1).for_each(|(lines, base)| {
-            for line in lines.chunks_exact_mut(width) {
-                line.iter_mut().zip(&base).for_each(|(l, b)| (0..3).for_each(|c| l[c] += b[c]));
+        prefix[line..end].par_chunks_mut(BAND * line).zip(bases).skip(1).for_each(|(lines, base)| {
+            for line in lines.chunks_exact_mut(line) {
+                line.iter_mut().zip(&base).for_each(|(l, b)| *l += b);
             }
         });
-        Self { grid, prefix }
+        Self { grid, prefix, instructions }
     }
 
-    /// Adds ∫ P dφ over what a texel holds of an arc.
-    #[inline]
-    pub(super) fn add(&self, part: Part, sum: &mut [f64; 3]) {
-        let index = part.row * self.grid.width() + part.column;
-        let (above, below) = (self.prefix[index], self.prefix[index + self.grid.width()]);
-        for c in 0..3 {
-            sum[c] += above[c] * part.length + (below[c] - above[c]) * part.depth;
+    /// Adds ∫ P dφ over what a texel holds of an arc; the fourth number means nothing.
+    #[inline(always)]
+    pub(super) fn add<A: Arithmetic>(&self, part: Part, sum: &mut [f64; 4]) {
+        let index = 3 * (part.row * self.grid.width() + part.column);
+        let four = |at: usize| -> &[f64; 4] {
+            self.prefix[at..].first_chunk().expect("a number more than there are channels follows the last texel")
+        };
+        let (above, below) = (four(index), four(index + 3 * self.grid.width()));
+        for c in 0..4 {
+            let rest = A::fused(above[c], part.length - part.depth, sum[c]);
+            sum[c] = A::fused(below[c], part.depth, rest);
         }
     }
 }

@@ -253,9 +253,14 @@ fn add_nodes<P: Profile>(seen: &Seen, band: &Band, nodes: Range<usize>, along: &
         let [red, green, blue] =
             [&weights[0], &weights[1], &weights[2]].map(|w| w[nodes.clone()].as_chunks::<NODES>().0);
         for (((along, red), green), blue) in along.iter().zip(red).zip(green).zip(blue) {
-            let values: [f64; NODES] = std::array::from_fn(|i| P::at(&kernel, up + sin * along[i]));
+            let mut values = [0.0; NODES];
+            for i in 0..NODES {
+                values[i] = P::at(&kernel, up + sin * along[i]);
+            }
             for (sums, weights) in sums.iter_mut().zip([red, green, blue]) {
-                *sums = std::array::from_fn(|i| sums[i] + values[i] * weights[i]);
+                for i in 0..NODES {
+                    sums[i] += values[i] * weights[i];
+                }
             }
         }
     }
@@ -335,7 +340,9 @@ impl Level {
                             for (texel, across) in texels.iter().zip(across) {
                                 for c in 0..3 {
                                     let value = f64::from(texel[c]) - base[c];
-                                    sums[c] = std::array::from_fn(|j| sums[c][j] + across[j] * value);
+                                    for j in 0..NODES {
+                                        sums[c][j] += across[j] * value;
+                                    }
                                 }
                             }
                             (0..3).for_each(|c| line[c][k] = sums[c]);
@@ -393,7 +400,9 @@ impl Level {
                         let mut line = vec![[0.0; NODES]; edges.len() - 1];
                         for (k, (nodes, across)) in weights[c].as_chunks::<NODES>().0.iter().zip(&across).enumerate() {
                             for (weight, across) in nodes.iter().zip(across) {
-                                line[k / 2] = std::array::from_fn(|j| line[k / 2][j] + weight * across[j]);
+                                for j in 0..NODES {
+                                    line[k / 2][j] += weight * across[j];
+                                }
                             }
                         }
                         for (to, down) in band.weights.iter_mut().zip(down) {

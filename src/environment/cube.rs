@@ -94,16 +94,18 @@ pub fn nearest_texel(size: usize, direction: DVec3) -> usize {
 
 /// Exact solid angles of the texels of one face (all faces are alike), row by row.
 pub fn solid_angles(size: usize) -> Vec<f64> {
-    let corner: Vec<f64> = grid(size).map(|(u, v)| corner_angle(u, v)).collect();
-    let at = |row: usize, column: usize| corner[row * (size + 1) + column];
-    (0..size * size)
-        .map(|i| (i / size, i % size))
-        .map(|(r, c)| (at(r + 1, c + 1) - at(r, c + 1)) - (at(r + 1, c) - at(r, c)))
+    // Corner angles are odd in both coordinates, edges mirror each other to the last bit: one quarter of the face is all of it.
+    let half = size / 2 + 1;
+    let quarter: Vec<f64> =
+        (0..half * half).map(|i| corner_angle(edge(size, size - i / half), edge(size, size - i % half))).collect();
+    let corner = |row: usize, column: usize| {
+        let index = (row.min(size - row)) * half + column.min(size - column);
+        if (2 * row < size) == (2 * column < size) { quarter[index] } else { -quarter[index] }
+    };
+    (0..size)
+        .flat_map(|r| (0..size).map(move |c| (r, c)))
+        .map(|(r, c)| (corner(r + 1, c + 1) - corner(r, c + 1)) - (corner(r + 1, c) - corner(r, c)))
         .collect()
-}
-
-fn grid(size: usize) -> impl Iterator<Item = (f64, f64)> {
-    (0..=size).flat_map(move |row| (0..=size).map(move |column| (edge(size, column), edge(size, row))))
 }
 
 /// Signed solid angle of the rectangle between the face's centre and (u, v): the antiderivative of

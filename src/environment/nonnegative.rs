@@ -3,18 +3,19 @@
 //! Nine coefficients of a small sun ring: opposite to it they go below zero, and engines that clamp there change colours. Here the
 //! projection c₀ is moved as little as possible, in the root mean square over the sphere (the basis is orthonormal), until
 //! Y(d)·c ≥ 0 for every direction d: a convex problem with a constraint per direction, of which few matter. They are found one
-//! after the other, at the lowest point so far (an exchange method), and solved for by their multipliers:
-//! c = c₀ + Σ λ_k Y(d_k), λ ≥ 0, λ_k = 0 where Y(d_k)·c > 0.
+//! after the other, at the lowest point so far (an exchange method), and held exactly by their multipliers,
+//! c = c₀ + Σ λ_k Y(d_k), λ > 0 and Y(d_k)·c = 0 for at most nine: a dual active-set method, whose steps go towards the new constraint
+//! along what the others leave free, and let go of those that begin to pull.
 
 use super::spherical_harmonics::{Coefficients, basis, normalisation};
 use glam::DVec3;
 
-/// Constraints added at most; a sphere's worth of lowest points needs a few tens.
+/// Lowest points looked for at most; a few tens are usual.
 const MOST_CONSTRAINTS: usize = 200;
 /// Below this part of the mean a dip is lifted out with the constant instead.
 const LOWEST: f64 = 1e-9;
-/// Sweeps over the multipliers at most.
-const SWEEPS: usize = 100_000;
+/// A constraint of which the others leave less than this part free is a sum of them.
+const DEPENDENT: f64 = 1e-7;
 
 /// Nine coefficients per channel that give no negative value in any direction, nearest to the given ones.
 ///
@@ -38,19 +39,16 @@ fn nonnegative_channel(start: [f64; 9]) -> [f64; 9] {
     if start[0] <= 0.0 {
         return [0.0; 9];
     }
-    let mut constraints: Vec<[f64; 9]> = vec![];
-    let mut multipliers: Vec<f64> = vec![];
+    let mut active = vec![];
     let mut c = start;
     // The constant's basis function times its coefficient: the mean.
     let mean = start[0] * basis(DVec3::Y)[0];
-    while constraints.len() < MOST_CONSTRAINTS {
+    for _ in 0..MOST_CONSTRAINTS {
         let (direction, value) = lowest(&c);
         if value >= -LOWEST * mean {
             break;
         }
-        constraints.push(basis(direction));
-        multipliers.push(0.0);
-        solve(&start, &constraints, &mut multipliers, &mut c, 1e-3 * LOWEST * mean);
+        hold(basis(direction), &mut active, &mut c);
     }
     // What is left of a dip is rounding, or at most the last constraint's.
     let (_, value) = lowest(&c);
@@ -58,25 +56,72 @@ fn nonnegative_channel(start: [f64; 9]) -> [f64; 9] {
     c
 }
 
-/// Coordinate ascent on the multipliers: each in turn is set to what makes its own constraint hold, or to 0.
-fn solve(start: &[f64; 9], constraints: &[[f64; 9]], multipliers: &mut [f64], c: &mut [f64; 9], enough: f64) {
-    *c = *start;
-    for (y, lambda) in constraints.iter().zip(multipliers.iter()) {
-        (0..9).for_each(|i| c[i] += lambda * y[i]);
-    }
-    for _ in 0..SWEEPS {
-        let mut largest = 0.0_f64;
-        for (y, lambda) in constraints.iter().zip(multipliers.iter_mut()) {
-            let value = dot(y, c);
-            let change = (-value / dot(y, y)).max(-*lambda); // a multiplier never pulls down
-            *lambda += change;
-            (0..9).for_each(|i| c[i] += change * y[i]);
-            largest = largest.max(change.abs() * dot(y, y));
+/// A constraint that holds with equality, and its multiplier.
+struct Active {
+    y: [f64; 9],
+    lambda: f64,
+}
+
+/// Moves `c` to where y·c = 0 and the active constraints still hold, as little as that takes (Goldfarb and Idnani's step).
+fn hold(y: [f64; 9], active: &mut Vec<Active>, c: &mut [f64; 9]) {
+    let mut lambda = 0.0;
+    loop {
+        let (free, shares) = split(&y, active);
+        let length2 = dot(&free, &free);
+        let whole = match length2 > DEPENDENT * DEPENDENT * dot(&y, &y) {
+            true => -dot(&y, c) / length2,
+            false => f64::INFINITY,
+        };
+        let limits =
+            active.iter().zip(&shares).map(|(a, share)| if *share > 0.0 { a.lambda / share } else { f64::INFINITY });
+        let (first, partly) = limits.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::INFINITY));
+        let step = whole.min(partly);
+        if step == f64::INFINITY {
+            return; // rounding: the constant function is never a sum of others
         }
-        if largest <= enough {
-            break;
+        if whole < f64::INFINITY {
+            (0..9).for_each(|i| c[i] += step * free[i]);
+        }
+        active.iter_mut().zip(&shares).for_each(|(a, share)| a.lambda -= step * share);
+        lambda += step;
+        if whole <= partly {
+            active.push(Active { y, lambda });
+            return;
+        }
+        active.remove(first);
+    }
+}
+
+/// What of y is orthogonal to all active constraints, and what each of them has of the rest: y = free + Σ shares y_k.
+fn split(y: &[f64; 9], active: &[Active]) -> ([f64; 9], Vec<f64>) {
+    // Gram and Schmidt, twice over for rounding: y_k = Σ_(j≤k) r_jk q_j.
+    let (mut axes, mut triangle): (Vec<[f64; 9]>, Vec<Vec<f64>>) = (vec![], vec![]);
+    let against = |axes: &[[f64; 9]], v: &[f64; 9]| {
+        let (mut rest, mut parts) = (*v, vec![0.0; axes.len()]);
+        for _ in 0..2 {
+            for (q, part) in axes.iter().zip(&mut parts) {
+                let along = dot(q, &rest);
+                *part += along;
+                (0..9).for_each(|i| rest[i] -= along * q[i]);
+            }
+        }
+        (rest, parts)
+    };
+    for a in active {
+        let (rest, mut parts) = against(&axes, &a.y);
+        let length = dot(&rest, &rest).sqrt();
+        parts.push(length);
+        triangle.push(parts);
+        axes.push(rest.map(|v| v / length));
+    }
+    let (free, mut shares) = against(&axes, y);
+    for k in (0..shares.len()).rev() {
+        shares[k] /= triangle[k][k];
+        for j in 0..k {
+            shares[j] -= shares[k] * triangle[k][j];
         }
     }
+    (free, shares)
 }
 
 /// The direction of the smallest value, and that value.

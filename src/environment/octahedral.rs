@@ -20,6 +20,7 @@ use super::orientation::Orientation;
 use super::overlap::{Grid, Part};
 use super::panorama::{MIN_HEIGHT, Panorama, row_edges};
 use super::sphere_map::{SphereLayout, SphereMap};
+use super::zonal::{InstructionSet, Twice};
 use crate::error::{Error, Result};
 use crate::format::memory;
 
@@ -183,7 +184,8 @@ pub fn solid_angles(size: usize) -> Vec<f64> {
 pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation) -> SphereMap {
     let mean = panorama.mean();
     let rows = panorama.height() / 2 + 1;
-    let halves = [false, true].map(|mirrored| Wedges::new(panorama, mean, rows.min(panorama.height()), mirrored));
+    let (rows, instructions) = (rows.min(panorama.height()), InstructionSet::detect());
+    let halves = [false, true].map(|mirrored| Wedges::new(panorama, mean, rows, mirrored, instructions));
     // An average lies between the extremes. The clamp only keeps rounding from making black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());
     let texel = |index: usize| {
@@ -192,8 +194,8 @@ pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation)
             angle += polygon.solid_angle();
             let (below, sign) = polygon.side(orientation);
             let wedges = &halves[usize::from(below)];
-            let mut part = [0.0; 3];
-            polygon.along_border(orientation, below, &wedges.grid, |arc| wedges.add(arc, &mut part));
+            let mut part = [0.0; 4]; // the fourth means nothing
+            polygon.along_border(orientation, below, &wedges.grid, |arc| wedges.add::<Twice>(arc, &mut part));
             (0..3).for_each(|c| sum[c] += sign * part[c]);
         }
         std::array::from_fn(|c| ((mean[c] + sum[c] / angle) as f32).clamp(low[c], high[c]))

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::fft::{Complex, Fft, separate};
-use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, sub, total};
+use super::lanes::{Arithmetic, InstructionSet, LANES, V, ZERO, compiled_for, scale, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
 use crate::math::quadrature::Rule;
 
@@ -31,8 +31,8 @@ pub(super) trait Texels: Sync {
     fn shape(&self) -> [usize; 2];
     /// Whether anything in a row is not zero.
     fn occupied(&self, row: usize) -> bool;
-    /// Writes the channels of a row to one lane.
-    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]);
+    /// Writes the channels of two rows to one lane: their sum, and the first less the second.
+    fn read_rows(&self, rows: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]);
 }
 
 /// Eight rows of the north with their mirror images.
@@ -53,19 +53,21 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions
     let pairs = height.div_ceil(2);
     let blocks: Vec<Block> = (0..pairs.div_ceil(LANES))
         .into_par_iter()
-        .filter_map(|index| {
-            let first = index * LANES;
-            let rows = first..(first + LANES).min(pairs);
-            if !rows.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
-                return None;
-            }
-            let (points, largest_sin) = places(first, height, rule, degree);
-            let spectrum = instructions.run(
-                #[inline(always)]
-                || spectrum(map, rows, &fft, &factors),
-            );
-            Some(Block { first, largest_sin, points, spectrum })
-        })
+        .map_init(
+            || Lines::new(width),
+            |lines, index| {
+                let first = index * LANES;
+                let rows = first..(first + LANES).min(pairs);
+                if !rows.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
+                    return None;
+                }
+                let (points, largest_sin) = places(first, height, rule, degree);
+                let spectrum =
+                    compiled_for!(instructions, A => spectrum::<A>(map, rows.clone(), &fft, &factors, lines));
+                Some(Block { first, largest_sin, points, spectrum })
+            },
+        )
+        .flatten()
         .collect();
     debug_assert!(blocks.windows(2).all(|b| b[0].first < b[1].first));
     let norms = sectoral_norms(degree);
@@ -74,10 +76,7 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions
         .with_max_len(1)
         .map(|m| {
             let blocks: Vec<&Block> = blocks.iter().filter(|b| !negligible(degree, m, b.largest_sin)).collect();
-            instructions.run(
-                #[inline(always)]
-                || analyse_order(m, degree, norms[m], &blocks),
-            )
+            compiled_for!(instructions, A => analyse_order::<A>(m, degree, norms[m], &blocks))
         })
         .collect();
     Coefficients { degree, orders }
@@ -126,27 +125,43 @@ fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Plac
     (places, largest_sin)
 }
 
+/// Sums and differences of eight rows and their mirror images, in three channels, and room for a transform.
+struct Lines {
+    channels: [Vec<Complex>; 3],
+    spare: Vec<Complex>,
+}
+
+impl Lines {
+    fn new(width: usize) -> Self {
+        Self { channels: [(); 3].map(|()| vec![Complex::ZERO; width]), spare: vec![Complex::ZERO; width] }
+    }
+}
+
 #[inline(always)]
-fn spectrum(map: &dyn Texels, rows: std::ops::Range<usize>, fft: &Fft, factors: &[(f64, f64)]) -> Vec<[V; 2 * PARTS]> {
+fn spectrum<A: Arithmetic>(
+    map: &dyn Texels,
+    rows: std::ops::Range<usize>,
+    fft: &Fft,
+    factors: &[(f64, f64)],
+    Lines { channels, spare }: &mut Lines,
+) -> Vec<[V; 2 * PARTS]> {
     let [width, height] = map.shape();
     let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
-    let (mut x, mut spare) = (vec![Complex::ZERO; width], vec![Complex::ZERO; width]);
-    let empty = || -> [Vec<V>; 3] { std::array::from_fn(|_| vec![ZERO; width]) };
-    let (mut north, mut south) = (empty(), empty());
-    for row in rows.clone() {
-        map.read_row(row, row - rows.start, &mut north);
-        map.read_row(height - 1 - row, row - rows.start, &mut south);
-    }
-    for channel in 0..3 {
-        for (x, (&north, &south)) in x.iter_mut().zip(north[channel].iter().zip(&south[channel])) {
-            *x = Complex { re: add(north, south), im: sub(north, south) };
+    for lane in 0..LANES {
+        let row = rows.start + lane;
+        if row < rows.end {
+            map.read_rows([row, height - 1 - row], lane, channels);
+        } else {
+            channels.iter_mut().flatten().for_each(|x| (x.re[lane], x.im[lane]) = (0.0, 0.0));
         }
-        fft.forward(&mut x, &mut spare);
-        for (m, (out, &(cos, sin))) in spectrum.iter_mut().zip(factors).enumerate() {
+    }
+    for (channel, x) in channels.iter_mut().enumerate() {
+        fft.forward::<A>(x, spare);
+        for (m, (out, &factor)) in spectrum.iter_mut().zip(factors).enumerate() {
             let (even, odd) = separate(x[m % width], x[(width - m % width) % width]);
             for (part, value) in [(0, even), (PARTS, odd)] {
-                out[part + channel] = std::array::from_fn(|i| value.re[i] * cos - value.im[i] * sin);
-                out[part + 3 + channel] = std::array::from_fn(|i| value.re[i] * sin + value.im[i] * cos);
+                let value = value.times::<A>(factor);
+                (out[part + channel], out[part + 3 + channel]) = (value.re, value.im);
             }
         }
     }
@@ -157,7 +172,7 @@ fn spectrum(map: &dyn Texels, rows: std::ops::Range<usize>, fft: &Fft, factors: 
 const GROUP: usize = 4;
 
 #[inline(always)]
-fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[f64; PARTS]> {
+fn analyse_order<A: Arithmetic>(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[f64; PARTS]> {
     let order = Order::new(m, degree);
     let mut walks: Vec<Vec<Walk>> = blocks
         .iter()
@@ -174,8 +189,8 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
                 let mut any = false;
                 for ((places, _), walk) in block.points.iter().zip(walks) {
                     if !any {
-                        any = walk.advance(places.cos, a, &mut q[n]);
-                    } else if walk.advance(places.cos, a, &mut chunk) {
+                        any = walk.advance::<A>(places.cos, a, &mut q[n]);
+                    } else if walk.advance::<A>(places.cos, a, &mut chunk) {
                         add_chunk(&mut q[n], &chunk);
                     }
                 }
@@ -189,7 +204,7 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
                 let mut sum = sums[k];
                 for (q, spectrum) in q[..n].iter().zip(&spectra[..n]) {
                     for c in 0..PARTS {
-                        sum[c] = add(sum[c], mul(q[k], spectrum[part + c]));
+                        sum[c] = A::mul_add(q[k], spectrum[part + c], sum[c]);
                     }
                 }
                 sums[k] = sum;

@@ -1,4 +1,4 @@
-//! The sum over peeled texels, fast: eight at a time, with the texel's extent to second order.
+//! The sum over peeled texels, fast: eight directions at a time, with the texel's extent to second order.
 //!
 //! A texel's mean of K(R·l) is K(c̄) + K″(c̄) (g₁² + g₂²)/6, c̄ = R·(mean of l), g₁ and g₂ half the change of c across its height and
 //! its width; what is left out is of fourth order in extent/distance. Texels too close for that are integrated exactly; those that
@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::lanes::{InstructionSet, LANES, V, ZERO, total};
+use super::lanes::{Arithmetic, LANES, V, ZERO};
 use crate::environment::full_sum::{FullSum, Lobe, flat_horizon, is_flat};
 use crate::environment::kernel::{Kernel, Lambert, Profile, with_profile};
 use crate::environment::panorama::Panorama;
@@ -25,132 +25,152 @@ const BRIGHTEST: usize = 16;
 #[derive(Debug)]
 pub(super) struct Bright {
     peel: Peel,
-    blocks: Vec<Block>,
+    texels: Vec<Texel>,
     extent: f64,
     /// Half the diagonal of the largest.
     reach: f64,
 }
 
-/// Eight texels: mean direction, half the change of direction across height and width, radiance × solid angle.
+/// Mean direction, half the change of direction across height and width, radiance × solid angle.
 #[derive(Debug, Clone)]
-struct Block {
-    middle: [V; 3],
-    down: [V; 3],
-    across: [V; 2],
-    flux: [V; 3],
+struct Texel {
+    middle: DVec3,
+    down: DVec3,
+    /// Along x and z.
+    across: [f64; 2],
+    flux: [f64; 3],
+}
+
+/// Eight directions.
+struct Axes {
+    x: V,
+    y: V,
+    z: V,
 }
 
 impl Bright {
     pub fn new(peel: Peel, panorama: &Panorama) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let (dtheta, dphi) = (PI / height as f64, TAU / width as f64);
-        let mut blocks = vec![];
-        let texels: Vec<(usize, [f64; 3])> = peel.texels().collect();
-        for chunk in texels.chunks(LANES) {
-            let mut block = Block { middle: [ZERO; 3], down: [ZERO; 3], across: [ZERO; 2], flux: [ZERO; 3] };
-            for (lane, &(index, radiance)) in chunk.iter().enumerate() {
-                let row = index / width;
-                let theta = dtheta * (row as f64 + 0.5);
-                let (sin, cos) = libm::sincos(theta);
-                let (sin_phi, cos_phi) = libm::sincos(dphi * ((index % width) as f64 + 0.5) - PI);
-                // Means over θ (weighted by sin θ) and φ: ∫ sin²θ, ∫ sin θ cos θ and ∫ cos φ in closed form.
-                let extent = 2.0 * sin * libm::sin(0.5 * dtheta);
-                let shrink = libm::sin(0.5 * dphi) / (0.5 * dphi);
-                let across = 0.5 * (dtheta - libm::cos(2.0 * theta) * libm::sin(dtheta)) / extent * shrink;
-                let up = 0.5 * libm::sin(2.0 * theta) * libm::sin(dtheta) / extent;
-                let set = |to: &mut [V], from: &[f64]| to.iter_mut().zip(from).for_each(|(v, x)| v[lane] = *x);
-                set(&mut block.middle, &[across * cos_phi, up, across * sin_phi]);
-                let [down, sin2] = second_moments(theta, dtheta);
-                let half = (3.0 * down).sqrt();
-                set(&mut block.down, &[half * cos * cos_phi, -half * sin, half * cos * sin_phi]);
-                let half = 0.5 * dphi * sin2.sqrt();
-                set(&mut block.across, &[-half * sin_phi, half * cos_phi]);
-                set(&mut block.flux, &radiance.map(|r| r * panorama.solid_angle(row)));
+        let texel = |(index, radiance): (usize, [f64; 3])| {
+            let row = index / width;
+            let theta = dtheta * (row as f64 + 0.5);
+            let (sin, cos) = libm::sincos(theta);
+            let (sin_phi, cos_phi) = libm::sincos(dphi * ((index % width) as f64 + 0.5) - PI);
+            // Means over θ (weighted by sin θ) and φ: ∫ sin²θ, ∫ sin θ cos θ and ∫ cos φ in closed form.
+            let extent = 2.0 * sin * libm::sin(0.5 * dtheta);
+            let shrink = libm::sin(0.5 * dphi) / (0.5 * dphi);
+            let across = 0.5 * (dtheta - libm::cos(2.0 * theta) * libm::sin(dtheta)) / extent * shrink;
+            let up = 0.5 * libm::sin(2.0 * theta) * libm::sin(dtheta) / extent;
+            let [down, sin2] = second_moments(theta, dtheta);
+            let (half_down, half_across) = ((3.0 * down).sqrt(), 0.5 * dphi * sin2.sqrt());
+            Texel {
+                middle: DVec3::new(across * cos_phi, up, across * sin_phi),
+                down: half_down * DVec3::new(cos * cos_phi, -sin, cos * sin_phi),
+                across: [-half_across * sin_phi, half_across * cos_phi],
+                flux: radiance.map(|r| r * panorama.solid_angle(row)),
             }
-            blocks.push(block);
-        }
+        };
+        let texels = peel.texels().map(texel).collect();
         let reach = 0.55 * dtheta.hypot(dphi);
-        Self { peel, blocks, extent: dtheta.max(dphi), reach }
+        Self { peel, texels, extent: dtheta.max(dphi), reach }
     }
 
-    /// ∫ K(axis·l) over what was peeled off.
-    pub fn evaluate(&self, axis: DVec3, kernel: &Kernel, exact: &FullSum, instructions: InstructionSet) -> [f64; 3] {
-        if self.blocks.is_empty() {
-            return [0.0; 3];
+    /// Adds ∫ K(axis·l) over what was peeled off, for each of some directions.
+    #[inline(always)]
+    pub fn add<A: Arithmetic>(&self, axes: &[DVec3], kernel: &Kernel, exact: &FullSum, sums: &mut [[f64; 3]]) {
+        if self.texels.is_empty() {
+            return;
         }
         let near = kernel.rough_parts(NEAR * self.extent, self.reach);
-        let mut special = vec![];
-        let sum = instructions.run(
-            #[inline(always)]
-            || match kernel.is_lambert() {
-                true => self.sum::<Lambert>(axis, kernel, near, &mut special),
-                false => with_profile!(kernel, P => self.sum::<P>(axis, kernel, near, &mut special)),
-            },
-        );
-        let mut sum = [total(sum[0]), total(sum[1]), total(sum[2])];
-        if special.is_empty() {
-            return sum;
+        for (axes, sums) in axes.chunks(LANES).zip(sums.chunks_mut(LANES)) {
+            let axis = |lane: usize| axes[lane.min(axes.len() - 1)];
+            let eight = Axes {
+                x: std::array::from_fn(|lane| axis(lane).x),
+                y: std::array::from_fn(|lane| axis(lane).y),
+                z: std::array::from_fn(|lane| axis(lane).z),
+            };
+            let mut special = vec![];
+            let sum = match kernel.is_lambert() {
+                true => self.sum::<A, Lambert>(&eight, kernel, near, &mut special),
+                false => with_profile!(kernel, P => self.sum::<A, P>(&eight, kernel, near, &mut special)),
+            };
+            for (lane, to) in sums.iter_mut().enumerate() {
+                (0..3).for_each(|c| to[c] += sum[c][lane]);
+            }
+            self.add_special(&special, axes, kernel, near[0], exact, sums);
         }
-        let lobe = Lobe::new(axis, kernel);
-        for i in special {
-            let (block, lane) = (&self.blocks[i / LANES], i % LANES);
-            let weight = self.special(i, axis, kernel, &lobe, near[0], exact);
-            (0..3).for_each(|c| sum[c] += weight * block.flux[c][lane]);
-        }
-        sum
     }
 
-    /// The sum over the texels that take the second order, and a list of those that do not.
+    /// The sum over the texels that take the second order, and a list of those that do not: texels that some of the directions
+    /// want exactly, with a mask.
     #[inline(always)]
-    fn sum<P: Profile>(
+    fn sum<A: Arithmetic, P: Profile>(
         &self,
-        axis: DVec3,
+        axes: &Axes,
         kernel: &Kernel,
         [near_from, belt]: [f64; 2],
-        special: &mut Vec<usize>,
+        special: &mut Vec<(usize, [bool; LANES])>,
     ) -> [V; 3] {
         let mut sums = [ZERO; 3];
-        for (b, block) in self.blocks.iter().enumerate() {
+        for (index, texel) in self.texels.iter().enumerate() {
+            let (middle, down, across) = (texel.middle, texel.down, texel.across);
             let mut weights = ZERO;
-            let mut any = false;
-            for (i, weight) in weights.iter_mut().enumerate() {
-                let c = axis.x * block.middle[0][i] + axis.y * block.middle[1][i] + axis.z * block.middle[2][i];
-                let g = axis.x * block.down[0][i] + axis.y * block.down[1][i] + axis.z * block.down[2][i];
-                let h = axis.x * block.across[0][i] + axis.z * block.across[1][i];
+            let mut odd = [false; LANES];
+            for i in 0..LANES {
+                let (x, y, z) = (axes.x[i], axes.y[i], axes.z[i]);
+                let c = A::fused(x, middle.x, A::fused(y, middle.y, z * middle.z));
+                let g = A::fused(x, down.x, A::fused(y, down.y, z * down.z));
+                let h = A::fused(x, across[0], z * across[1]);
                 let lit = if c > 0.0 { c } else { 0.0 };
                 let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
-                let value = value + curvature * (g * g + h * h) / 6.0;
-                let odd = c.abs() < belt || (c > near_from && c > 0.0);
-                any |= odd;
-                *weight = if c > 0.0 && !odd { value } else { 0.0 };
+                let value = A::fused(curvature * (1.0 / 6.0), A::fused(g, g, h * h), value);
+                odd[i] = (c.abs() < belt) | ((c > near_from) & (c > 0.0));
+                weights[i] = if (c > 0.0) & !odd[i] { value } else { 0.0 };
             }
-            for (sum, flux) in sums.iter_mut().zip(&block.flux) {
-                *sum = std::array::from_fn(|i| sum[i] + weights[i] * flux[i]);
+            for (sum, flux) in sums.iter_mut().zip(texel.flux) {
+                *sum = A::scale_add(weights, flux, *sum);
             }
-            if any {
-                for i in 0..LANES {
-                    let c = axis.x * block.middle[0][i] + axis.y * block.middle[1][i] + axis.z * block.middle[2][i];
-                    if (c.abs() < belt || (c > near_from && c > 0.0)) && b * LANES + i < self.peel.len() {
-                        special.push(b * LANES + i);
-                    }
-                }
+            if odd != [false; LANES] {
+                special.push((index, odd));
             }
         }
         sums
     }
 
-    /// The mean of K over one texel that the second order is not for.
-    fn special(&self, i: usize, axis: DVec3, kernel: &Kernel, lobe: &Lobe, near_from: f64, exact: &FullSum) -> f64 {
-        let (block, lane) = (&self.blocks[i / LANES], i % LANES);
-        let [x, y, z] = block.middle.map(|v| v[lane]);
-        let c = axis.dot(DVec3::new(x, y, z));
-        let flat = c.abs() < self.reach && is_flat(self.extent, kernel);
-        if c > near_from || i < BRIGHTEST || !flat {
-            let (index, solid_angle) = self.peel.texel(i);
-            return exact.texel_weight(index, lobe) / solid_angle;
+    #[inline(never)]
+    fn add_special(
+        &self,
+        special: &[(usize, [bool; LANES])],
+        axes: &[DVec3],
+        kernel: &Kernel,
+        near_from: f64,
+        exact: &FullSum,
+        sums: &mut [[f64; 3]],
+    ) {
+        if special.is_empty() {
+            return;
         }
-        let g = axis.dot(DVec3::from(block.down.map(|v| v[lane]))).abs();
-        let h = (axis.x * block.across[0][lane] + axis.z * block.across[1][lane]).abs();
+        for (lane, (axis, sum)) in axes.iter().zip(sums).enumerate() {
+            let lobe = Lobe::new(*axis, kernel);
+            for &(index, _) in special.iter().filter(|(_, odd)| odd[lane]) {
+                let weight = self.special(index, *axis, kernel, &lobe, near_from, exact);
+                (0..3).for_each(|c| sum[c] += weight * self.texels[index].flux[c]);
+            }
+        }
+    }
+
+    /// The mean of K over one texel that the second order is not for.
+    fn special(&self, index: usize, axis: DVec3, kernel: &Kernel, lobe: &Lobe, near_from: f64, exact: &FullSum) -> f64 {
+        let texel = &self.texels[index];
+        let c = axis.dot(texel.middle);
+        let flat = c.abs() < self.reach && is_flat(self.extent, kernel);
+        if c > near_from || index < BRIGHTEST || !flat {
+            let (of_map, solid_angle) = self.peel.texel(index);
+            return exact.texel_weight(of_map, lobe) / solid_angle;
+        }
+        let g = axis.dot(texel.down).abs();
+        let h = (axis.x * texel.across[0] + axis.z * texel.across[1]).abs();
         flat_horizon(c, [g, h], kernel)
     }
 }

@@ -10,7 +10,7 @@
 
 use std::f64::consts::PI;
 
-use super::lanes::{LANES, V, ZERO, add, mul, scale, sub};
+use super::lanes::{Arithmetic, LANES, V, ZERO, add, mul, scale};
 
 /// Degrees in a chunk: what is computed between two looks at the scale. Even, so that parities stay in step.
 pub(super) const CHUNK: usize = 16;
@@ -130,26 +130,26 @@ pub(super) struct Walk {
 impl Walk {
     /// The next [`CHUNK`] values of Q; false if all are negligible (then nothing is written).
     #[inline(always)]
-    pub fn advance(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
+    pub fn advance<A: Arithmetic>(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
         if self.ready {
             for k in 0..CHUNK {
                 out[k] = self.current;
-                self.step(cos, a[k]);
+                self.step::<A>(cos, a[k]);
             }
             return true;
         }
-        self.advance_scaled(cos, a, out)
+        self.advance_scaled::<A>(cos, a, out)
     }
 
     #[inline(always)]
-    fn step(&mut self, cos: V, a: f64) {
-        let next = sub(mul(scale(cos, a), self.current), self.before);
+    fn step<A: Arithmetic>(&mut self, cos: V, a: f64) {
+        let next = A::mul_add(scale(cos, a), self.current, self.before.map(|v| -v));
         self.before = self.current;
         self.current = next;
     }
 
     #[inline(always)]
-    fn advance_scaled(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
+    fn advance_scaled<A: Arithmetic>(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
         let mut active = false;
         for first in (0..CHUNK).step_by(LOOK) {
             let mut mask = ZERO;
@@ -164,7 +164,7 @@ impl Walk {
             active |= mask != ZERO;
             for k in first..first + LOOK {
                 out[k] = mul(self.current, mask);
-                self.step(cos, a[k]);
+                self.step::<A>(cos, a[k]);
             }
         }
         self.ready = self.exponent == [0; LANES];

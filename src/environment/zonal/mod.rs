@@ -24,6 +24,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 pub use lanes::InstructionSet;
+pub(super) use lanes::{Arithmetic, Once, Twice, compiled_for};
 
 use super::cube::{Cube, texel_direction};
 use super::full_sum::FullSum;
@@ -32,7 +33,7 @@ use super::panorama::Panorama;
 use super::peel::Peel;
 use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
-use lanes::V;
+use fft::Complex;
 use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
 use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
@@ -140,38 +141,54 @@ impl<'a> Zonal<'a> {
 
 impl Function<'_> {
     /// The value in a unit direction.
-    #[inline(always)]
     pub fn at(&self, direction: DVec3) -> [f64; 3] {
-        self.value(direction, angles(direction))
+        let mut value = [[0.0; 3]];
+        self.fill(&[direction], |_| angles(direction), &mut value);
+        value[0]
     }
 
-    /// The value in a unit direction that has these angles.
+    /// The values in unit directions, `angles` their angles.
+    fn fill(&self, directions: &[DVec3], angles: impl Fn(usize) -> [f64; 2], values: &mut [[f64; 3]]) {
+        compiled_for!(self.zonal.instructions, A => self.fill_by::<A>(directions, &angles, values));
+    }
+
     #[inline(always)]
-    fn value(&self, direction: DVec3, angles: [f64; 2]) -> [f64; 3] {
-        let Some((part, plan, rings)) = &self.rings else { return self.zonal.exact.evaluate(direction, &self.kernel) };
-        let smooth = rings.at(angles);
-        let peeled = part.bright.evaluate(direction, &self.kernel, &self.zonal.exact, self.zonal.instructions);
+    fn fill_by<A: Arithmetic>(
+        &self,
+        directions: &[DVec3],
+        angles: &impl Fn(usize) -> [f64; 2],
+        values: &mut [[f64; 3]],
+    ) {
+        let Some((part, plan, rings)) = &self.rings else {
+            for (value, &direction) in values.iter_mut().zip(directions) {
+                *value = self.zonal.exact.evaluate(direction, &self.kernel);
+            }
+            return;
+        };
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = rings.at::<A>(angles(i));
+        }
+        part.bright.add::<A>(directions, &self.kernel, &self.zonal.exact, values);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;
-        let mut mean = part.mean;
-        if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
-            && let Some(near) = split.mean(direction, rest, places)
-        {
-            let far = plan.eigenvalues[0];
-            mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+        for (value, &direction) in values.iter_mut().zip(directions) {
+            let mut mean = part.mean;
+            if let (Some(split), Some((rest, places))) = (&plan.split, &part.near)
+                && let Some(near) = split.mean(direction, rest, places)
+            {
+                let far = plan.eigenvalues[0];
+                mean = std::array::from_fn(|c| far * mean[c] + (1.0 - far) * near[c]);
+            }
+            *value = std::array::from_fn(|c| (mean[c] + value[c]).clamp(low[c], high[c]));
         }
-        std::array::from_fn(|c| (mean[c] + smooth[c] + peeled[c]).clamp(low[c], high[c]))
     }
 
     /// The values in many unit directions.
     pub fn values(&self, directions: &[DVec3]) -> Vec<[f64; 3]> {
         let mut values = vec![[0.0; 3]; directions.len()];
         values.par_chunks_mut(LINE).zip(directions.par_chunks(LINE)).for_each(|(out, directions)| {
-            self.zonal.instructions.run(
-                #[inline(always)]
-                || out.iter_mut().zip(directions).for_each(|(value, direction)| *value = self.at(*direction)),
-            );
+            self.fill(directions, |i| angles(directions[i]), out);
         });
         values
     }
@@ -184,15 +201,17 @@ impl Function<'_> {
             self.zonal.exact.prepare();
         }
         texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
-            self.zonal.instructions.run(
-                #[inline(always)]
-                || {
-                    for (i, texel) in out.iter_mut().enumerate() {
-                        let value = self.value(texel_direction(size, line * size + i), angles.of(line, i));
-                        *texel = [value[0] as f32, value[1] as f32, value[2] as f32];
-                    }
-                },
-            );
+            let (mut directions, mut values) = ([DVec3::ZERO; LINE], [[0.0; 3]; LINE]);
+            for (chunk, out) in out.chunks_mut(LINE).enumerate() {
+                let (first, n) = (chunk * LINE, out.len());
+                for (i, direction) in directions[..n].iter_mut().enumerate() {
+                    *direction = texel_direction(size, line * size + first + i);
+                }
+                self.fill(&directions[..n], |i| angles.of(line, first + i), &mut values[..n]);
+                for (texel, value) in out.iter_mut().zip(&values) {
+                    *texel = value.map(|v| v as f32);
+                }
+            }
             finished(size as u64);
         });
         Cube { size, texels }
@@ -346,6 +365,14 @@ impl<'a> Rest<'a> {
         self.panorama.with_texels(texels)
     }
 
+    fn texel(&self, row: usize, column: usize) -> [f32; 3] {
+        let (changed, index) = (self.changed_in(row), row * self.panorama.width() + column);
+        match changed.binary_search_by_key(&index, |(index, _)| *index) {
+            Ok(at) => changed[at].1,
+            Err(_) => self.panorama.row(row)[column],
+        }
+    }
+
     fn changed_in(&self, row: usize) -> &[(usize, [f32; 3])] {
         let width = self.panorama.width();
         let start = self.changed.partition_point(|(index, _)| *index < row * width);
@@ -388,17 +415,25 @@ impl Texels for Rest<'_> {
         self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.mean) || !self.changed_in(row).is_empty()
     }
 
-    fn read_row(&self, row: usize, lane: usize, to: &mut [Vec<V>; 3]) {
-        let [red, green, blue] = to;
+    fn read_rows(&self, [north, south]: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]) {
+        let set = |to: &mut Complex, north: f32, south: f32, mean: f64| {
+            let (north, south) = (f64::from(north) - mean, f64::from(south) - mean);
+            (to.re[lane], to.im[lane]) = (north + south, north - south);
+        };
         let mean = self.mean;
-        for (((r, g), b), texel) in red.iter_mut().zip(green).zip(blue).zip(self.panorama.row(row)) {
-            r[lane] = f64::from(texel[0]) - mean[0];
-            g[lane] = f64::from(texel[1]) - mean[1];
-            b[lane] = f64::from(texel[2]) - mean[2];
+        let [red, green, blue] = to;
+        let rows = self.panorama.row(north).iter().zip(self.panorama.row(south));
+        for (((r, g), b), (north, south)) in red.iter_mut().zip(green).zip(blue).zip(rows) {
+            set(r, north[0], south[0], mean[0]);
+            set(g, north[1], south[1], mean[1]);
+            set(b, north[2], south[2], mean[2]);
         }
-        for &(index, texel) in self.changed_in(row) {
-            let column = index - row * self.panorama.width();
-            (0..3).for_each(|c| to[c][column][lane] = f64::from(texel[c]) - mean[c]);
+        for row in [north, south] {
+            for &(index, _) in self.changed_in(row) {
+                let column = index % self.panorama.width();
+                let texels = [north, south].map(|row| self.texel(row, column));
+                (0..3).for_each(|c| set(&mut to[c][column], texels[0][c], texels[1][c], mean[c]));
+            }
         }
     }
 }

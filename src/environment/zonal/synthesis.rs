@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::analysis::{Coefficients, PARTS};
 use super::fft::{Complex, Fft};
-use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, sub};
+use super::lanes::{Arithmetic, InstructionSet, LANES, V, ZERO, add, compiled_for, scale, sub};
 use super::legendre::{CHUNK, Order, Places, negligible, sectoral_norms};
 
 /// Taps of the interpolation in each angle.
@@ -20,10 +20,13 @@ const MARGIN: usize = 3;
 pub(super) struct Rings {
     rings: usize,
     columns: usize,
-    /// Eight rings of the north with their mirror images, in turn, each with [`MARGIN`] more on each side; the fourth value is
-    /// padding.
-    strips: Vec<Vec<[f64; 4]>>,
+    /// Eight rings of the north with their mirror images: column by column, with [`MARGIN`] more on each side, the rings in turn; the
+    /// fourth value is padding.
+    strips: Vec<Vec<[[f64; 4]; RINGS]>>,
 }
+
+/// Rings of a strip: north, south, north, …
+const RINGS: usize = 2 * LANES;
 
 /// Eight rings of the north and their mirror images.
 struct Block {
@@ -44,29 +47,28 @@ impl Rings {
         let blocks: Vec<Block> =
             (0..rings.div_ceil(2).div_ceil(LANES)).map(|b| block(b * LANES, rings, degree)).collect();
         let norms = sectoral_norms(degree);
-        let mut spectra = vec![[ZERO; 2 * PARTS]; (degree + 1) * blocks.len()];
-        spectra.par_chunks_mut(blocks.len()).enumerate().with_max_len(1).for_each(|(m, out)| {
-            instructions.run(
-                #[inline(always)]
-                || synthesise_order(m, &coefficients.orders[m], eigenvalues, norms[m], &blocks, out),
-            );
-        });
-        let fft = Fft::new(columns);
-        let strips: Vec<Vec<[f64; 4]>> = (0..blocks.len())
+        let spectra: Vec<Vec<[V; 2 * PARTS]>> = (0..degree + 1)
             .into_par_iter()
-            .map(|b| {
-                instructions.run(
-                    #[inline(always)]
-                    || strip(b, blocks.len(), &spectra, &fft, columns),
-                )
+            .with_max_len(1)
+            .map(|m| {
+                let orders = &coefficients.orders[m];
+                compiled_for!(instructions, A => synthesise_order::<A>(m, orders, eigenvalues, norms[m], &blocks))
             })
+            .collect();
+        let fft = Fft::new(columns);
+        let strips = (0..blocks.len())
+            .into_par_iter()
+            .map_init(
+                || [(); 4].map(|()| vec![Complex::ZERO; columns]),
+                |lines, b| compiled_for!(instructions, A => strip::<A>(b, &spectra, &fft, lines)),
+            )
             .collect();
         Self { rings, columns, strips }
     }
 
     /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
     #[inline(always)]
-    pub fn at(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
+    pub fn at<A: Arithmetic>(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
         let split = |position: f64| {
             let floor = position.floor();
             (floor as isize, position - floor)
@@ -76,19 +78,19 @@ impl Rings {
         let (down, across) = (lagrange(t), lagrange(u));
         let column = self.within(column as usize);
         let mut sum = [0.0; 4];
-        for (i, weight) in down.iter().enumerate() {
-            let taps = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column);
-            let mut line = [0.0; 4];
-            for (tap, weight) in taps.iter().zip(&across) {
-                line = [
-                    line[0] + tap[0] * weight,
-                    line[1] + tap[1] * weight,
-                    line[2] + tap[2] * weight,
-                    line[3] + tap[3] * weight,
-                ];
+        for (i, &weight) in down.iter().enumerate() {
+            let (taps, row) = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column);
+            // Two sums of three, so that none waits long for the one before.
+            let (mut even, mut odd) = ([0.0; 4], [0.0; 4]);
+            for pair in 0..TAPS / 2 {
+                let k = 2 * pair;
+                for c in 0..4 {
+                    even[c] = A::fused(taps[k][row][c], across[k], even[c]);
+                    odd[c] = A::fused(taps[k + 1][row][c], across[k + 1], odd[c]);
+                }
             }
-            for (sum, line) in sum.iter_mut().zip(line) {
-                *sum += line * weight;
+            for c in 0..4 {
+                sum[c] = A::fused(even[c] + odd[c], weight, sum[c]);
             }
         }
         [sum[0], sum[1], sum[2]]
@@ -100,9 +102,10 @@ impl Rings {
         if column >= self.columns { column - self.columns } else { column }
     }
 
-    /// The values around a column of a ring. Over a pole, the ring on its other side comes half a turn away.
+    /// The values around a column of a ring, and which of each column's they are. Over a pole, the ring on its other side comes half
+    /// a turn away.
     #[inline(always)]
-    fn taps(&self, ring: isize, column: usize) -> &[[f64; 4]; TAPS] {
+    fn taps(&self, ring: isize, column: usize) -> (&[[[f64; 4]; RINGS]; TAPS], usize) {
         let last = self.rings as isize - 1;
         let opposite = || self.within(column + self.columns / 2);
         let (ring, column) = match ring {
@@ -112,9 +115,8 @@ impl Rings {
         };
         let (north, south) = (ring as usize, (last - ring) as usize);
         let (pair, side) = if north <= south { (north, 0) } else { (south, 1) };
-        let first = (2 * (pair % LANES) + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2;
-        let strip = self.strips[pair / LANES][first..].first_chunk();
-        strip.expect("each ring has margins on both sides, and a column lies within it")
+        let taps = self.strips[pair / LANES][column + MARGIN + 1 - TAPS / 2..].first_chunk();
+        (taps.expect("a column lies within its ring, which has margins on both sides"), 2 * (pair % LANES) + side)
     }
 }
 
@@ -201,14 +203,13 @@ fn block(first: usize, rings: usize, degree: usize) -> Block {
 
 /// Sums over l of even and of odd l − m, at every block.
 #[inline(always)]
-fn synthesise_order(
+fn synthesise_order<A: Arithmetic>(
     m: usize,
     coefficients: &[[f64; PARTS]],
     eigenvalues: &[f64],
     norm: f64,
     blocks: &[Block],
-    out: &mut [[V; 2 * PARTS]],
-) {
+) -> Vec<[V; 2 * PARTS]> {
     let degree = eigenvalues.len() - 1;
     let order = Order::new(m, degree);
     let mut terms = vec![[0.0; PARTS]; order.a.len()];
@@ -216,40 +217,49 @@ fn synthesise_order(
         let factor = eigenvalues[m + k] * order.s[k];
         *term = coefficients[k].map(|v| v * factor);
     }
-    for (block, out) in blocks.iter().zip(out) {
+    let mut result = Vec::with_capacity(blocks.len());
+    for block in blocks {
+        let mut all = [ZERO; 2 * PARTS];
         if negligible(degree, m, block.largest_sin) {
+            result.push(all);
             continue;
         }
         let mut walk = block.places.start(m, [norm; LANES]);
         let mut q = [ZERO; CHUNK];
         for (a, terms) in order.a.as_chunks::<CHUNK>().0.iter().zip(terms.as_chunks::<CHUNK>().0) {
-            if !walk.advance(block.places.cos, a, &mut q) {
+            if !walk.advance::<A>(block.places.cos, a, &mut q) {
                 continue;
             }
             for parity in 0..2 {
-                let mut sums = [ZERO; PARTS];
-                for k in (parity..CHUNK).step_by(2) {
+                let mut sums: [V; PARTS] = std::array::from_fn(|c| all[parity * PARTS + c]);
+                for half in 0..CHUNK / 2 {
+                    let k = 2 * half + parity;
                     for c in 0..PARTS {
-                        sums[c] = add(sums[c], scale(q[k], terms[k][c]));
+                        sums[c] = A::scale_add(q[k], terms[k][c], sums[c]);
                     }
                 }
-                for c in 0..PARTS {
-                    out[parity * PARTS + c] = add(out[parity * PARTS + c], sums[c]);
-                }
+                all[parity * PARTS..][..PARTS].copy_from_slice(&sums);
             }
         }
+        result.push(all);
     }
+    result
 }
 
-/// The rings of one block, each pair as two rows: north, south.
+/// The rings of one block, each pair as two: north, south. What `lines` hold, a channel each and one to spare, is lost.
 #[inline(always)]
-fn strip(block: usize, blocks: usize, spectra: &[[V; 2 * PARTS]], fft: &Fft, columns: usize) -> Vec<[f64; 4]> {
-    let stride = columns + 2 * MARGIN;
-    let mut strip = vec![[0.0; 4]; 2 * LANES * stride];
-    let (mut x, mut spare) = (vec![Complex::ZERO; columns], vec![Complex::ZERO; columns]);
-    for channel in 0..3 {
-        x.fill(Complex::ZERO);
-        for (m, part) in spectra.iter().skip(block).step_by(blocks).enumerate() {
+fn strip<A: Arithmetic>(
+    block: usize,
+    spectra: &[Vec<[V; 2 * PARTS]>],
+    fft: &Fft,
+    lines: &mut [Vec<Complex>; 4],
+) -> Vec<[[f64; 4]; RINGS]> {
+    let [red, green, blue, spare] = lines;
+    let columns = spare.len();
+    for (channel, x) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
+        x[spectra.len()..=columns - spectra.len()].fill(Complex::ZERO);
+        for (m, parts) in spectra.iter().enumerate() {
+            let part = &parts[block];
             let [even, odd] = [0, PARTS].map(|p| (part[p + channel], part[p + 3 + channel]));
             let north = (add(even.0, odd.0), add(even.1, odd.1));
             let south = (sub(even.0, odd.0), sub(even.1, odd.1));
@@ -261,19 +271,19 @@ fn strip(block: usize, blocks: usize, spectra: &[[V; 2 * PARTS]], fft: &Fft, col
                 x[columns - m] = Complex { re: add(north.0, south.1), im: sub(north.1, south.0) };
             }
         }
-        fft.forward(&mut x, &mut spare);
-        for (j, value) in x.iter().enumerate() {
-            for lane in 0..LANES {
-                strip[2 * lane * stride + MARGIN + j][channel] = value.re[lane];
-                strip[(2 * lane + 1) * stride + MARGIN + j][channel] = -value.im[lane];
-            }
-        }
+        fft.forward::<A>(x, spare);
     }
-    for row in strip.chunks_exact_mut(stride) {
-        for k in 0..MARGIN {
-            row[k] = row[columns + k];
-            row[columns + MARGIN + k] = row[MARGIN + k];
-        }
+    let mut strip = Vec::with_capacity(columns + 2 * MARGIN);
+    strip.resize(MARGIN, [[0.0; 4]; RINGS]);
+    strip.extend(red.iter().zip(&*green).zip(&*blue).map(|((r, g), b)| {
+        std::array::from_fn(|ring| match (ring / 2, ring % 2) {
+            (lane, 0) => [r.re[lane], g.re[lane], b.re[lane], 0.0],
+            (lane, _) => [-r.im[lane], -g.im[lane], -b.im[lane], 0.0],
+        })
+    }));
+    for k in 0..MARGIN {
+        strip[k] = strip[columns + k];
+        strip.push(strip[MARGIN + k]);
     }
     strip
 }
