@@ -197,9 +197,10 @@ impl Content {
     }
 
     fn without_certificate(mut self) -> Self {
-        let before = self.like.metadata.len();
-        self.like.metadata.retain(|(key, _)| key != certificate::KEY && key != "KTXwriter" && key != "Software");
-        if self.like.metadata.len() < before && before > 0 {
+        const OURS: [&str; 2] = [certificate::KEY, certificate::LAYERS_KEY];
+        let certified = self.like.metadata.iter().any(|(key, _)| OURS.contains(&key.as_str()));
+        self.like.metadata.retain(|(key, _)| !OURS.contains(&key.as_str()) && key != "KTXwriter" && key != "Software");
+        if certified {
             self.notes.push("the certificate stays behind: it is about the file that was converted".to_owned());
         }
         self

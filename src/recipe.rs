@@ -601,6 +601,16 @@ impl EnvironmentRecipe {
         }
         self.layout.check_orientation(&self.orientation)?;
         self.check_levels()?;
+        let halvings = self.level_roughness().len() - 1;
+        if self.layout == SphereLayout::Equirect && !self.size.is_multiple_of(1 << halvings) {
+            return Err(Error::usage(
+                format!(
+                    "size {} does not halve {halvings} times, so that panoramas would not stay twice as wide as high",
+                    self.size
+                ),
+                format!("use a multiple of {}, or fewer levels", 1_usize << halvings),
+            ));
+        }
         map_texel(self.format, self.layout)?;
         map_texel(self.format_of_irradiance(), self.layout).map(|_| ())
     }

@@ -306,6 +306,10 @@ fn the_list_for_programs_has_the_shape_that_was_agreed() {
         }
         assert!(environment["kernel"].is_string() && environment.get("sh").is_some(), "{name}");
         assert_eq!(environment["roughness"].as_array().expect("roughness").len() as u64, environment["levels"]);
+        if environment["layout"] == "equirect" {
+            assert!(environment.get("faces").is_none() && name == "materialx");
+            continue;
+        }
         let faces = environment["faces"].as_array().expect("faces");
         assert!(faces.len() == 6 && faces.iter().all(|f| f.as_array().is_some_and(|f| f.len() == 3)), "{name}");
     }

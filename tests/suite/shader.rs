@@ -931,7 +931,7 @@ fn maps_in_one_picture_are_looked_up_as_the_library_blends_them() {
         });
         let kind = if layout == SphereLayout::Equirect { "panorama" } else { "2d" };
         cases.push(Case {
-            name: format!("{layout} {turn}"),
+            name: format!("{layout}_{turn}"),
             code: environment_shader("sky", recipe).to_text(Language::Glsl),
             value: "vec4(sky_specular(specular, p.xyz, p.w), 1.0)".to_owned(),
             points: points.clone(),
