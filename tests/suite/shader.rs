@@ -897,7 +897,8 @@ fn maps_in_one_picture_are_looked_up_as_the_library_blends_them() {
         .chain(any)
         .enumerate()
         .map(|(i, d)| {
-            let [x, y, z] = d.normalize().as_vec3().to_array();
+            // No zero is negative: on which side of -X the arctangent then is, a rasteriser in software got wrong.
+            let [x, y, z] = (d.normalize().as_vec3() + glam::Vec3::ZERO).to_array();
             [x, y, z, [0.0, 0.5, 1.0, 0.31, 0.77][i % 5]]
         })
         .collect();
