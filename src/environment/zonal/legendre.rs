@@ -143,7 +143,10 @@ impl Walk {
 
     #[inline(always)]
     fn step<A: Arithmetic>(&mut self, cos: V, a: f64) {
-        let next = A::mul_add(scale(cos, a), self.current, self.before.map(|v| -v));
+        let mut next = scale(cos, a);
+        for lane in 0..LANES {
+            next[lane] = A::fused(next[lane], self.current[lane], -self.before[lane]);
+        }
         self.before = self.current;
         self.current = next;
     }

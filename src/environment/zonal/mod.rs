@@ -34,7 +34,7 @@ use super::peel::Peel;
 use analysis::{Coefficients, Texels, analyse};
 use bright::Bright;
 use fft::Complex;
-use plan::{Plan, WIDE_DEGREE, cells, darkest, is_wide, row_rule};
+use plan::{Plan, cells, darkest, is_wide, least_degree, row_rule};
 use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
 
@@ -110,7 +110,7 @@ impl<'a> Zonal<'a> {
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         let of_kernel = |kernel: &Kernel| {
             let darkest = darkest(panorama, &cells, kernel, instructions);
-            Plan::new(*kernel, darkest, WIDE_DEGREE, panorama.height(), instructions)
+            Plan::new(*kernel, darkest, least_degree(kernel), panorama.height(), instructions)
         };
         let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
         for plan in all.into_iter().flatten() {
@@ -271,7 +271,9 @@ impl Part {
             return part;
         }
         let more = |plan: Plan| match plan.split.is_none() && is_wide(&plan.kernel) {
-            true => Plan::new(plan.kernel, plan.darkest, 2 * WIDE_DEGREE, panorama.height(), instructions),
+            true => {
+                Plan::new(plan.kernel, plan.darkest, 2 * least_degree(&plan.kernel), panorama.height(), instructions)
+            }
             false => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();

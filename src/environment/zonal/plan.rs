@@ -24,8 +24,10 @@ use crate::math::quadrature::{Rule, gauss_legendre};
 const STEEP: f64 = 3.1e-3;
 /// Degrees of a ring of p = 1, times p: e^(−pc) is told from what harmonics make of it.
 const RING: f64 = 8.0;
-/// The least degree of a wide kernel, unless a map is hard.
-pub(super) const WIDE_DEGREE: usize = 256;
+/// The least degree of a kernel whose horizon shows as much as Lambert's, unless a map is hard.
+const WIDE_DEGREE: usize = 256;
+/// A horizon is steeper than Lambert's by this at most; a sheen's of alpha 0.05 is.
+const STEEPEST: f64 = 80.0;
 /// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
 pub(super) const MOST_DEGREE: usize = 3500;
 /// The relative error of truncation at the peak that the degree is chosen for.
@@ -151,6 +153,12 @@ impl Plan {
         }
         this_map.min(2.0 * self.any_map * share.max(1e-3))
     }
+}
+
+/// The least degree of a wide kernel, unless a map is hard. A kink of slope a leaves a L^(−5/2) behind, the same for all.
+pub(super) fn least_degree(kernel: &Kernel) -> usize {
+    let steeper = (kernel.horizon()[0] * PI).clamp(1.0, STEEPEST);
+    (WIDE_DEGREE as f64 * steeper.powf(0.4)) as usize
 }
 
 /// Whether a kernel's horizon shows.
