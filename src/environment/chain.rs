@@ -298,6 +298,9 @@ pub(super) struct Filter<'a> {
     view: Option<(View, ViewMonteCarlo)>,
 }
 
+/// Estimates in some directions, and the number of samples behind each.
+type Sampler<'a> = dyn Fn(&[DVec3]) -> (Vec<Estimate>, usize) + 'a;
+
 enum Witness<'a> {
     MonteCarlo(Box<MonteCarlo<'a>>),
     Quadrature(FullSum<'a>),
@@ -428,7 +431,7 @@ impl<'a> Filter<'a> {
             SphereMap::gather(layout, size, orientation, values, finished)
         };
         // Samplers count for themselves, and their standard errors come beside their values.
-        let sampled = |sample: &dyn Fn(&[DVec3]) -> (Vec<Estimate>, usize)| {
+        let sampled = |sample: &Sampler| {
             let found = RefCell::new((vec![], 0));
             let values = |directions: &[DVec3]| {
                 let (estimates, samples) = sample(directions);
