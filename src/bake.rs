@@ -2,10 +2,13 @@
 //!
 //! Pure: nothing here touches a disk. Files are written by [`Baked::write`], all or none.
 
+mod array;
 mod environment;
 mod shader;
 mod table;
 
+pub(crate) use array::layer_of;
+pub use array::{BakedArray, array};
 pub use environment::{
     DEFAULT_SAMPLES, EngineSh, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels,
     is_current, source,
@@ -37,20 +40,24 @@ impl Baked {
     /// **Errors**: what the system refuses; then nothing new stands under a final name.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let json = self.certificate.to_pretty_json()?.into_bytes();
-        let mut staged = Staged::default();
-        let mut paths = vec![];
-        let all = self.files.iter().map(|(p, b)| (p, b.as_slice()));
-        for (path, bytes) in all.chain([(&self.certificate_path, json.as_slice())]) {
-            let path = folder.join(path);
-            if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
-                std::fs::create_dir_all(parent).map_err(|e| Error::writing(parent, e))?;
-            }
-            staged.add(&path, bytes)?;
-            paths.push(path);
-        }
-        staged.commit()?;
-        Ok(paths)
+        write(self.files.iter().chain([&(self.certificate_path.clone(), json)]), folder)
     }
+}
+
+/// Writes files below `folder`, all or none.
+fn write<'a>(files: impl IntoIterator<Item = &'a (PathBuf, Vec<u8>)>, folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut staged = Staged::default();
+    let mut paths = vec![];
+    for (path, bytes) in files {
+        let path = folder.join(path);
+        if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
+            std::fs::create_dir_all(parent).map_err(|e| Error::writing(parent, e))?;
+        }
+        staged.add(&path, bytes)?;
+        paths.push(path);
+    }
+    staged.commit()?;
+    Ok(paths)
 }
 
 /// A bake that does not pass its own checks is not written.

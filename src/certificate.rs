@@ -40,6 +40,8 @@ pub const SCHEMA: &str = "kiln-certificate/1";
 pub const KEY: &str = "kiln.certificate";
 /// The metadata key under which a cube says which of an environment's it is.
 pub const CONTENT_KEY: &str = "kiln.content";
+/// The metadata key under which an array texture has the certificates of its layers.
+pub const LAYERS_KEY: &str = "kiln.layers";
 /// Counts the changes to the algorithms that change bytes.
 pub const ALGORITHMS: u32 = 2;
 
@@ -56,6 +58,9 @@ pub struct Certificate {
     /// The recipe of a table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<TableRecipe>,
+    /// Which layer of an array texture the table is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<usize>,
     /// The recipe of an environment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<EnvironmentRecipe>,
@@ -236,6 +241,7 @@ impl Certificate {
             kiln: env!("CARGO_PKG_VERSION").to_owned(),
             algorithms: ALGORITHMS,
             table: None,
+            layer: None,
             environment: None,
             input: None,
             files: vec![],
@@ -272,6 +278,20 @@ impl Certificate {
             ));
         }
         serde_json::from_str(text).map_err(broken)
+    }
+
+    /// The certificates of the layers of an array texture.
+    ///
+    /// **Errors**: as [`Certificate::from_json`]; no list.
+    pub fn list_from_json(text: &str) -> Result<Vec<Self>> {
+        let list: Vec<serde_json::Value> = serde_json::from_str(text)
+            .map_err(|e| Error::invalid(format!("a broken list of certificates: {e}"), "bake the file again"))?;
+        list.iter().map(|one| Self::from_json(&one.to_string())).collect()
+    }
+
+    /// The same as one line, to embed.
+    pub fn list_to_json(list: &[Self]) -> Result<String> {
+        serde_json::to_string(list).map_err(unprintable)
     }
 
     /// As one line, to embed.

@@ -5,21 +5,22 @@
 //! says that it may go. Certificates stay behind: they are about the file that they came in.
 
 use crate::certificate::{self, Certificate};
-use crate::environment::{Cube, Panorama, area_average, from_cube};
+use crate::environment::{Orientation, Panorama, SphereLayout, SphereMap};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, Decoded, FormatSpec, Image, Packing, Texture, source};
 use crate::pack::{PackReport, TexelFormat};
+use glam::DVec3;
 use serde::Serialize;
+use std::borrow::Cow;
 
 /// What a picture of the sphere is to become.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
     /// What it is.
     Keep,
-    /// A cube of that many texels along an edge; 0 is a quarter of the panorama's width.
-    Cube(usize),
-    /// A panorama of four times the cube's edge.
-    Panorama,
+    /// A map of the sphere of that size ([`SphereLayout::shape`]); 0 is the usual one: of a panorama's width W, a cube's edge is W/4 and an octahedral
+    /// map's W/2; a panorama is four times as wide as the edge of either.
+    Map(SphereLayout, usize),
 }
 
 /// What to make of a file.
@@ -27,8 +28,11 @@ pub enum Shape {
 pub struct Conversion {
     /// The container and packing.
     pub format: FormatSpec,
-    /// Panorama or cube.
+    /// Panorama, cube or octahedral map.
     pub shape: Shape,
+    /// How the sphere lies in the input; nothing for what its certificate says, else a cube for what has six faces and a panorama for
+    /// what has one.
+    pub from: Option<SphereLayout>,
     /// Only that level of mips.
     pub level: Option<usize>,
     /// Only that many channels, the first.
@@ -55,6 +59,9 @@ pub struct Report {
     /// By how much the mean over the sphere changed at most, relative, where the shape changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flux_change: Option<f64>,
+    /// Root mean square over the sphere of what a bilinear lookup of the new shape differs by from the old texels, in parts of theirs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resampling_rms: Option<f64>,
     /// What else is different.
     pub notes: Vec<String>,
 }
@@ -73,11 +80,12 @@ struct Content {
 ///
 /// **Errors**: what would be lost without being allowed to; what the container cannot hold.
 pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Report)> {
+    let from = conversion.from.or_else(|| said_layout(&decoded));
     let mut content = Content::of(decoded)?;
     if let Some(level) = conversion.level {
         content.keep_level(level)?;
     }
-    let flux_change = content.reshape(conversion.shape)?;
+    let reshaped = content.reshape(from, conversion.shape)?;
     if let Some(n) = conversion.channels {
         content.keep_channels(n)?;
     }
@@ -95,7 +103,8 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         rms_error: 0.0,
         max_error: 0.0,
         count: 0,
-        flux_change,
+        flux_change: reshaped.map(|change| change.flux),
+        resampling_rms: reshaped.map(|change| change.rms),
         notes: content.notes.clone(),
     };
     let mut squares = 0.0;
@@ -188,9 +197,10 @@ impl Content {
     }
 
     fn without_certificate(mut self) -> Self {
-        let before = self.like.metadata.len();
-        self.like.metadata.retain(|(key, _)| key != certificate::KEY && key != "KTXwriter" && key != "Software");
-        if self.like.metadata.len() < before && before > 0 {
+        const OURS: [&str; 2] = [certificate::KEY, certificate::LAYERS_KEY];
+        let certified = self.like.metadata.iter().any(|(key, _)| OURS.contains(&key.as_str()));
+        self.like.metadata.retain(|(key, _)| !OURS.contains(&key.as_str()) && key != "KTXwriter" && key != "Software");
+        if certified {
             self.notes.push("the certificate stays behind: it is about the file that was converted".to_owned());
         }
         self
@@ -261,55 +271,61 @@ impl Content {
         self.channels.clear();
     }
 
-    /// Turns a panorama into a cube or back; the largest relative change of the mean over the sphere.
-    fn reshape(&mut self, shape: Shape) -> Result<Option<f64>> {
-        let is_cube = self.like.faces == 6;
-        match shape {
-            Shape::Keep => return Ok(None),
-            Shape::Cube(_) if is_cube => {
-                return Err(Error::usage("a cube that is to become a cube", "leave --shape out"));
-            }
-            Shape::Panorama if !is_cube => {
-                return Err(Error::usage("no cube, where one is to become a panorama", "leave --shape out"));
-            }
-            _ => {}
+    /// Brings a map of the sphere to another layout or size, through the panorama that it is.
+    fn reshape(&mut self, from: Option<SphereLayout>, shape: Shape) -> Result<Option<Reshaped>> {
+        let Shape::Map(to, size) = shape else { return Ok(None) };
+        let own = if self.like.faces == 6 { SphereLayout::Cube } else { SphereLayout::Equirect };
+        let from = from.unwrap_or(own);
+        if (from == SphereLayout::Cube) != (own == SphereLayout::Cube) {
+            return Err(Error::usage(
+                format!("{}, which is not {}", self.like.text(), from.article()),
+                "correct --from, or leave it out",
+            ));
+        }
+        if from == to && size == 0 {
+            return Err(Error::usage(
+                format!("{} that is to become {}", from.article(), to.article()),
+                "leave --shape out, or give a --size",
+            ));
         }
         if self.levels.len() > 1 || self.like.layers(0) != self.like.faces {
             return Err(Error::unsupported(
                 format!(
-                    "{} and {} levels, of which one cube or panorama is wanted",
+                    "{} and {} levels, of which one {} is wanted",
                     self.like.text(),
-                    self.levels.len()
+                    self.levels.len(),
+                    from.noun()
                 ),
                 "choose a level with --level 0",
             ));
         }
-        let colour = self.colour()?;
-        let (before, after, texels) = if let Shape::Cube(size) = shape {
-            let panorama = Panorama::new(self.like.width, self.like.height, colour)?;
-            let size = if size == 0 { (self.like.width / 4).max(1) } else { size };
-            let cube = area_average(&panorama, size);
-            self.like = Texture {
-                metadata: self.like.metadata.clone(),
-                primaries: self.like.primaries,
-                ..Texture::empty_cube(self.like.format, size)
-            };
-            (panorama.mean(), cube.mean(), cube.texels)
-        } else {
-            let cube = Cube { size: self.like.width, texels: colour };
-            let panorama = from_cube(&cube)?;
-            let [width, height] = [panorama.width(), panorama.height()];
-            self.like = Texture {
-                metadata: self.like.metadata.clone(),
-                primaries: self.like.primaries,
-                ..Texture::empty(self.like.format, width, height)
-            };
-            (cube.mean(), panorama.mean(), panorama.texels().to_vec())
+        let before = Sphere::new(from, self.like.width, self.like.height, self.colour()?)?;
+        let panorama = before.panorama()?;
+        let map = match (to, size) {
+            (SphereLayout::Equirect, 0) => None,
+            (_, 0) => {
+                let usual = panorama.width() / if to == SphereLayout::Cube { 4 } else { 2 };
+                Some(SphereMap::area_average(&panorama, to, usual.max(1), &Orientation::default())?)
+            }
+            _ => Some(SphereMap::area_average(&panorama, to, size, &Orientation::default())?),
         };
-        self.levels = vec![wide(texels.as_flattened())];
+        let after = match map {
+            Some(map) => Sphere::Map(map),
+            None => Sphere::Panorama(panorama.into_owned()),
+        };
+        let ([width, height], faces) = after.shape();
+        self.like = Texture {
+            faces,
+            metadata: self.like.metadata.clone(),
+            primaries: self.like.primaries,
+            ..Texture::empty(self.like.format, width, height)
+        };
+        self.levels = vec![wide(after.texels().as_flattened())];
         self.channels = ["R", "G", "B"].map(str::to_owned).to_vec();
-        let change = |c: usize| if before[c] == after[c] { 0.0 } else { (after[c] / before[c] - 1.0).abs() };
-        Ok(Some((0..3).map(change).fold(0.0, f64::max)))
+        let (old, new) = (before.mean(), after.mean());
+        let change = |c: usize| if old[c] == new[c] { 0.0 } else { (new[c] / old[c] - 1.0).abs() };
+        let flux = (0..3).map(change).fold(0.0, f64::max);
+        Ok(Some(Reshaped { flux, rms: before.difference(&after) }))
     }
 
     /// The texels of the only level as colour.
@@ -324,6 +340,112 @@ impl Content {
             }
         }
     }
+}
+
+/// What another shape changed.
+#[derive(Debug, Clone, Copy)]
+struct Reshaped {
+    /// Of the mean over the sphere at most, relative.
+    flux: f64,
+    /// See [`Report::resampling_rms`].
+    rms: f64,
+}
+
+/// A picture of the sphere; panoramas of any proportions.
+enum Sphere {
+    Panorama(Panorama),
+    Map(SphereMap),
+}
+
+impl Sphere {
+    fn new(layout: SphereLayout, width: usize, height: usize, texels: Vec<[f32; 3]>) -> Result<Self> {
+        if layout == SphereLayout::Equirect {
+            return Panorama::new(width, height, texels).map(Self::Panorama);
+        }
+        if width != height {
+            return Err(Error::invalid(
+                format!("{} of {width} × {height}, which is no square", layout.article()),
+                "correct --from, or leave it out",
+            ));
+        }
+        Ok(Self::Map(SphereMap { layout, size: width, texels }))
+    }
+
+    fn panorama(&self) -> Result<Cow<'_, Panorama>> {
+        match self {
+            Self::Panorama(panorama) => Ok(Cow::Borrowed(panorama)),
+            Self::Map(map) => map.to_panorama().map(Cow::Owned),
+        }
+    }
+
+    fn shape(&self) -> ([usize; 2], usize) {
+        match self {
+            Self::Panorama(panorama) => ([panorama.width(), panorama.height()], 1),
+            Self::Map(map) => map.layout.shape(map.size),
+        }
+    }
+
+    fn texels(&self) -> &[[f32; 3]] {
+        match self {
+            Self::Panorama(panorama) => panorama.texels(),
+            Self::Map(map) => &map.texels,
+        }
+    }
+
+    fn mean(&self) -> [f64; 3] {
+        match self {
+            Self::Panorama(panorama) => panorama.mean(),
+            Self::Map(map) => map.mean(),
+        }
+    }
+
+    /// Direction of the centre of a texel.
+    fn direction(&self, index: usize) -> DVec3 {
+        match self {
+            Self::Panorama(panorama) => {
+                let width = panorama.width();
+                panorama.texel_box(index % width, index / width).middle()
+            }
+            Self::Map(map) => map.direction(index),
+        }
+    }
+
+    fn filtered(&self, direction: DVec3) -> [f64; 3] {
+        match self {
+            Self::Panorama(panorama) => panorama.filtered(direction),
+            Self::Map(map) => map.filtered(direction),
+        }
+    }
+
+    /// Root mean square of what `other` shows bilinearly at the texels of this, minus these, in parts of these.
+    fn difference(&self, other: &Self) -> f64 {
+        /// Texels that are looked at: so many of a large picture that their mean is known to a thousandth or so.
+        const MOST: usize = 1 << 20;
+        let texels = self.texels();
+        let weights = match self {
+            Self::Panorama(panorama) => (0..panorama.height()).map(|row| panorama.solid_angle(row)).collect(),
+            Self::Map(map) => map.layout.solid_angles(map.size),
+        };
+        let run = texels.len() / weights.len();
+        // A step that shares no factor with the width walks through all columns.
+        let step = texels.len().div_ceil(MOST) | 1;
+        let (mut off, mut all) = (0.0, 0.0);
+        for index in (0..texels.len()).step_by(step) {
+            let (seen, weight) = (other.filtered(self.direction(index)), weights[index / run]);
+            for c in 0..3 {
+                let value = f64::from(texels[index][c]);
+                off += weight * (seen[c] - value).powi(2);
+                all += weight * value * value;
+            }
+        }
+        if off == 0.0 { 0.0 } else { (off / all).sqrt() }
+    }
+}
+
+/// How the sphere lies in a file that Kiln baked.
+fn said_layout(decoded: &Decoded) -> Option<SphereLayout> {
+    let recipe = Certificate::from_json(decoded.metadata(certificate::KEY)?).ok()?.environment?;
+    Some(recipe.layout)
 }
 
 /// The usual format for what a file holds, in a container.

@@ -7,7 +7,8 @@ use crate::colour::TargetColour;
 use crate::environment::chain::{LEAST_SHEEN, check_kernel, check_view};
 use crate::environment::sh_bands::MOST_BANDS;
 use crate::environment::{
-    Adjustment, ChainSpec, InputLayout, KernelKind, Negatives, NonFinite, Orientation, Reading, ShConvention, View,
+    Adjustment, ChainSpec, InputLayout, KernelKind, Negatives, NonFinite, Orientation, Reading, ShConvention,
+    SphereLayout, View,
 };
 use crate::error::{Error, Result};
 use crate::format::{Container, FormatSpec, Packing};
@@ -37,6 +38,9 @@ pub struct Recipe {
     /// Tables, in the order in which they are baked.
     #[serde(default, rename = "table")]
     pub tables: Vec<TableRecipe>,
+    /// Array textures of several tables, baked after the tables.
+    #[serde(default, rename = "array", skip_serializing_if = "Vec::is_empty")]
+    pub arrays: Vec<ArrayRecipe>,
     /// Environments, baked after the tables.
     #[serde(default, rename = "environment")]
     pub environments: Vec<EnvironmentRecipe>,
@@ -71,6 +75,104 @@ pub struct TableRecipe {
     pub integration: Settings,
 }
 
+/// Several tables in the layers of one array texture, because bindings are scarce.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArrayRecipe {
+    /// Path of the file, within the output folder.
+    pub file: String,
+    /// Container and texel format of all layers.
+    pub format: FormatSpec,
+    /// The tables, the first layer first: all of one size.
+    #[serde(rename = "layer")]
+    pub layers: Vec<LayerRecipe>,
+}
+
+/// A table that is one layer of an array texture: see [`TableRecipe`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LayerRecipe {
+    /// What the code that looks it up is called.
+    pub name: String,
+    /// Names of the quantities, one per channel.
+    pub channels: Vec<String>,
+    /// The axes, one or two.
+    pub axes: Vec<Axis>,
+    /// Values of the parameters that no axis varies.
+    #[serde(default, skip_serializing_if = "Point::is_empty")]
+    pub at: Point,
+    /// What texels are chosen for.
+    #[serde(default, skip_serializing_if = "Fit::is_none")]
+    pub fit: Fit,
+    /// The choices within the model.
+    #[serde(default)]
+    pub model: Model,
+    /// How to integrate.
+    #[serde(default)]
+    pub integration: Settings,
+}
+
+impl ArrayRecipe {
+    /// Each layer as a table of its own.
+    pub fn tables(&self) -> Vec<TableRecipe> {
+        let table = |layer: &LayerRecipe| TableRecipe {
+            file: format!("{}.{}", layer.name, self.format.extension()),
+            format: self.format,
+            channels: layer.channels.clone(),
+            axes: layer.axes.clone(),
+            at: layer.at,
+            fit: layer.fit,
+            layout: None,
+            model: layer.model,
+            integration: layer.integration,
+        };
+        self.layers.iter().map(table).collect()
+    }
+
+    /// Whether the tables can be layers of one texture.
+    ///
+    /// **Errors**: a container without arrays; no layer, tables of three axes or of several sizes, equal names; what no table can be.
+    pub fn check(&self) -> Result<()> {
+        if !self.format.container().has_arrays() {
+            return Err(Error::usage(
+                format!("{}: {} has no array textures", self.file, self.format),
+                "use ktx2, ktx1 or dds, such as ktx2:rgba16f",
+            ));
+        }
+        if self.layers.is_empty() {
+            return Err(Error::usage(format!("{}: an array without layers", self.file), "add a [[array.layer]]"));
+        }
+        let mut sizes = vec![];
+        for (i, table) in self.tables().iter().enumerate() {
+            let name = &self.layers[i].name;
+            if name.is_empty() || name.contains(['/', '\\', '\0']) || self.layers[..i].iter().any(|l| l.name == *name) {
+                return Err(Error::usage(
+                    format!("{}: {name:?} is no name of its own for a layer", self.file),
+                    "give each layer a name, such as dfg",
+                ));
+            }
+            table.spec().and_then(|s| s.check()).map_err(|e| e.in_file(Path::new(&self.file)))?;
+            table.integration.check()?;
+            table.check_format()?;
+            if table.axes.len() > 2 {
+                return Err(Error::usage(
+                    format!("{}: layer {name} has {} axes", self.file, table.axes.len()),
+                    "bake it as a table of its own: a layer has two axes at most",
+                ));
+            }
+            sizes.push(table.arrangement()?.size);
+        }
+        if let Some(other) = sizes.iter().position(|size| *size != sizes[0]) {
+            let text = |i: usize| format!("{} is {} × {}", self.layers[i].name, sizes[i][0], sizes[i][1]);
+            return Err(Error::usage(
+                format!("{}: {}, and {}", self.file, text(0), text(other)),
+                "give the axes of all layers the same sizes; one axis alone makes one row",
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// One environment and the folder of its files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -86,10 +188,14 @@ pub struct EnvironmentRecipe {
     /// Folder of the files, within the output folder; empty for that folder itself.
     #[serde(default)]
     pub directory: String,
-    /// Texels along an edge of the specular cube's level 0.
+    /// How the sphere lies in the specular and the irradiance file: `cube`, `octahedral` or `equirect`.
+    #[serde(default, skip_serializing_if = "SphereLayout::is_cube")]
+    pub layout: SphereLayout,
+    /// Texels along an edge of the specular cube's level 0, of a face or of the octahedral square; rows of a panorama, which is twice as
+    /// wide.
     #[serde(default = "default_size")]
     pub size: usize,
-    /// Texels along an edge of its last level, unless `roughness` says how many levels there are.
+    /// The same of its last level, unless `roughness` says how many levels there are.
     #[serde(default = "default_min_size")]
     pub min_size: usize,
     /// Roughness of each level; each is half the size of the one before.
@@ -101,7 +207,7 @@ pub struct EnvironmentRecipe {
     /// How the surface is seen, if not as N = V = R.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<View>,
-    /// Texels along an edge of the irradiance cube.
+    /// The same of the irradiance cube.
     #[serde(default = "default_irradiance_size")]
     pub irradiance_size: usize,
     /// Bands of spherical harmonics: 3 for nine coefficients, or up to [`MOST_BANDS`].
@@ -229,7 +335,7 @@ impl Recipe {
     ///
     /// **Errors**: nothing to bake, entries that cannot be baked, two that write the same file.
     pub fn check(&self) -> Result<()> {
-        if self.tables.is_empty() && self.environments.is_empty() {
+        if self.tables.is_empty() && self.arrays.is_empty() && self.environments.is_empty() {
             return Err(Error::usage(
                 "a recipe that lists nothing to bake",
                 "add a [[table]] or an [[environment]]; see `kiln bake --print-recipe`",
@@ -242,6 +348,11 @@ impl Recipe {
             table.integration.check()?;
             table.check_format()?;
             targets.push(table.file.clone());
+        }
+        for array in &self.arrays {
+            check_inside(&array.file)?;
+            array.check()?;
+            targets.push(array.file.clone());
         }
         for environment in &self.environments {
             check_inside(&environment.directory)?;
@@ -340,6 +451,7 @@ impl EnvironmentRecipe {
             input_layout: InputLayout::default(),
             to: TargetColour::default(),
             directory: String::new(),
+            layout: SphereLayout::default(),
             size: default_size(),
             min_size: default_min_size(),
             roughness: None,
@@ -387,9 +499,9 @@ impl EnvironmentRecipe {
 
     /// How the texels of the specular cube are stored.
     ///
-    /// **Errors**: those of [`cube_texel`].
+    /// **Errors**: those of [`map_texel`].
     pub fn cube_format(&self) -> Result<TexelFormat> {
-        cube_texel(self.format)
+        map_texel(self.format, self.layout)
     }
 
     /// Name of the specular cube's file.
@@ -487,20 +599,56 @@ impl EnvironmentRecipe {
                 ));
             }
         }
-        cube_texel(self.format)?;
-        cube_texel(self.format_of_irradiance()).map(|_| ())
+        self.layout.check_orientation(&self.orientation)?;
+        self.check_levels()?;
+        let halvings = self.level_roughness().len() - 1;
+        if self.layout == SphereLayout::Equirect && !self.size.is_multiple_of(1 << halvings) {
+            return Err(Error::usage(
+                format!(
+                    "size {} does not halve {halvings} times, so that panoramas would not stay twice as wide as high",
+                    self.size
+                ),
+                format!("use a multiple of {}, or fewer levels", 1_usize << halvings),
+            ));
+        }
+        map_texel(self.format, self.layout)?;
+        map_texel(self.format_of_irradiance(), self.layout).map(|_| ())
+    }
+
+    /// A picture without mips holds one level, and no more.
+    fn check_levels(&self) -> Result<()> {
+        let levels = self.level_roughness().len();
+        if levels == 1 || self.format.container().has_mips() {
+            return Ok(());
+        }
+        Err(Error::usage(
+            format!("a chain of {levels} levels in {}, which holds one picture", self.format),
+            "use ktx2, dds or exr, or a single level, such as --roughness 0",
+        ))
     }
 }
 
-/// How the texels of a cube of that format are stored.
+/// How the texels of a map of that format and layout are stored.
 ///
 /// **Errors**: a container without cubes, a texel without three channels.
-pub fn cube_texel(format: FormatSpec) -> Result<TexelFormat> {
-    match format.packing() {
-        Packing::Texel(texel) if format.container().has_cubes() && texel.channels() >= 3 => Ok(texel),
+pub fn map_texel(format: FormatSpec, layout: SphereLayout) -> Result<TexelFormat> {
+    let container = format.container();
+    let fits = match layout {
+        SphereLayout::Cube => container.has_cubes(),
+        _ => container.has_pictures(),
+    };
+    match format.texel(3) {
+        Ok(texel) if fits && texel.channels() >= 3 => Ok(texel),
         _ => Err(Error::usage(
-            format!("a cube of colours does not fit {format}"),
-            "use --format ktx2:rgba16f, ktx2:rgba32f, or another of ktx2, ktx1, dds with three channels or more",
+            format!("{} of colours does not fit {format}", layout.article()),
+            match layout {
+                SphereLayout::Cube => {
+                    "use --format ktx2:rgba16f, ktx2:rgba32f, or another of ktx2, ktx1, dds with three channels or more"
+                }
+                _ => {
+                    "use --format ktx2:rgba16f, exr:f16, hdr, or another of ktx2, ktx1, dds, exr, hdr, png with three channels or more"
+                }
+            },
         )),
     }
 }

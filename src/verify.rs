@@ -144,6 +144,11 @@ pub fn file_as(path: &Path, described: &Described, said: Option<&Said>, options:
         }
         content => content?,
     };
+    if let Content::Texture(texture) = &content
+        && let Some(text) = texture.metadata(certificate::LAYERS_KEY)
+    {
+        return layers(path, texture, text, options);
+    }
     let Some(certificate) = find_certificate(path, &content)? else {
         if content.may_be_a_table() {
             return foreign::judge(path, &Grid::read(path, described)?, None, &options);
@@ -166,6 +171,27 @@ pub fn file_as(path: &Path, described: &Described, said: Option<&Said>, options:
     } else {
         Err(Error::invalid("a certificate without a recipe", "bake the file again").in_file(path))
     }
+}
+
+/// Judges the layers of an array texture, each as the table that it is.
+fn layers(path: &Path, texture: &Texture, certificates: &str, options: Options) -> Result<Report> {
+    let certificates = Certificate::list_from_json(certificates).map_err(|e| e.in_file(path))?;
+    let broken = |what: String| Error::invalid(what, "bake the file again").in_file(path);
+    if certificates.is_empty() || certificates.len() != texture.layers(0) || texture.levels.len() != 1 {
+        return Err(broken(format!("{}, and {} certificates", texture.text(), certificates.len())));
+    }
+    let mut report = Report { file: path.to_owned(), claim: "array".to_owned(), ..Report::default() };
+    for (i, certificate) in certificates.iter().enumerate() {
+        let (Some(recipe), Some(layer)) = (&certificate.table, crate::bake::layer_of(texture, i)) else {
+            return Err(broken(format!("layer {i} is said to be no table")));
+        };
+        let found = table::verify(path, &Content::Texture(layer), certificate, recipe, options)?;
+        report.claim += &format!("{} layer {i}: {}", if i > 0 { ";" } else { " of" }, found.claim);
+        let subject = |check: Check| Check { subject: format!("layer {i}: {}", check.subject), ..check };
+        report.checks.extend(found.checks.into_iter().map(subject));
+        report.skipped.extend(found.skipped);
+    }
+    Ok(report)
 }
 
 /// The certificate in the file, or beside it: `NAME.certificate.json`, or the folder's `certificate.json` if it names the file.
@@ -215,7 +241,10 @@ fn collect(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
         } else if name.ends_with("certificate.json") {
             let text = std::fs::read_to_string(&entry).map_err(|e| Error::reading(&entry, e))?;
             let certificate = Certificate::from_json(&text).map_err(|e| e.in_file(&entry))?;
-            found.extend(certificate.files.iter().map(|f| entry.with_file_name(&f.file)));
+            // (Layers of an array have a certificate each.)
+            let files = certificate.files.iter().map(|f| entry.with_file_name(&f.file));
+            let new: Vec<PathBuf> = files.filter(|file| !found.contains(file)).collect();
+            found.extend(new);
         }
     }
     Ok(())

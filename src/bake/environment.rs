@@ -3,18 +3,19 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
-use crate::environment::chain::{ChainSpec, LevelReport, chain_and_irradiance_beside};
+use crate::environment::chain::{ChainSpec, LevelReport, MapLevel, maps_and_irradiance_beside};
 use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
 use crate::environment::{
-    Adjusted, Cube, CubeLookup, FullSum, InputReport, KernelKind, Panorama, ShConvention, Sun, Unit, load,
+    Adjusted, CubeLookup, FullSum, InputReport, KernelKind, Panorama, ShConvention, SphereLayout, SphereMap, Sun, Unit,
+    load,
 };
 use crate::error::{Error, Result};
 use crate::format::{self, Container, FormatSpec, Texture, env, ktx1};
 use crate::integrate::{ErrorKind, Integrator};
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::EnvironmentRecipe;
-use crate::recipe::cube_texel;
+use crate::recipe::map_texel;
 use crate::table::Progress;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -125,7 +126,7 @@ impl SunFile {
 
 /// Texels that [`environment`] reports to its progress callback, unless it must draw more samples for a tolerance.
 pub fn environment_texels(recipe: &EnvironmentRecipe) -> u64 {
-    chain_spec(recipe, 0).total_texels() + 6 * (recipe.irradiance_size as u64).pow(2)
+    chain_spec(recipe, 0).total_texels() + recipe.layout.texels(recipe.irradiance_size) as u64
 }
 
 fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
@@ -144,6 +145,8 @@ fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
         },
         fit: recipe.fit,
         probe: true,
+        layout: recipe.layout,
+        orientation: recipe.orientation,
     }
 }
 
@@ -192,8 +195,12 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let truth = FullSum::new(panorama);
     let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
     let harmonics = spherical_harmonics::project(panorama);
-    let fit = spherical_harmonics::judge(&harmonics.irradiance_over_pi, &irradiance.0);
-    let fit_nonnegative = spherical_harmonics::judge(&harmonics.irradiance_over_pi_nonnegative, &irradiance.0);
+    let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| {
+        spherical_harmonics::judge_map(function, &irradiance.0, &recipe.orientation)
+    };
+    let judge_nine = |nine: &Coefficients| judge(&|direction| spherical_harmonics::evaluate(nine, direction));
+    let fit = judge_nine(&harmonics.irradiance_over_pi);
+    let fit_nonnegative = judge_nine(&harmonics.irradiance_over_pi_nonnegative);
     let engine = EngineSh::new(recipe, &harmonics);
     let mut cubes = vec![Packed::new(SPECULAR, recipe.specular_name(), recipe.format, recipe.size)];
     for (m, level) in specular.iter().enumerate() {
@@ -206,14 +213,13 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     }
     let mut checks = vec![];
     // The same function would make the same average again.
-    let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(cube, _)| cube);
+    let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(map, _)| map);
     for cube in &cubes {
         let judged = cube.values(recipe)?;
         checks.extend(judged.facts(panorama.min().into_iter().any(|v| v < 0.0)));
         checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, false));
     }
     checks.extend(level_zero_flux(&specular[0].1));
-    let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| spherical_harmonics::judge_function(function, &irradiance.0);
     let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));
     let fit_of_bands = bands.as_ref().map(|bands| bands.fit);
     let sh = ShFile { schema: SH_SCHEMA.to_owned(), harmonics, fit, fit_nonnegative, engine, bands };
@@ -242,7 +248,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         if cube.content == SPECULAR {
             metadata.extend(irradiance_of(cube.format.container(), recipe, &sh.harmonics));
         }
-        files.push((cube.name.clone(), cube.encode(metadata, panorama)?));
+        files.push((cube.name.clone(), cube.encode(metadata, recipe.layout, panorama)?));
     }
     let folder = Path::new(&recipe.directory);
     Ok(Baked {
@@ -252,7 +258,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     })
 }
 
-/// A cube on its way into its file.
+/// A cube, or a map of another layout, on its way into its file.
 struct Packed {
     /// What it is called in certificates and in its file.
     content: &'static str,
@@ -275,14 +281,15 @@ impl Packed {
         Self { content, name, format, size, levels, reports, lookups, bytes, packing }
     }
 
-    /// Turns and packs the next level.
-    fn push(&mut self, name: String, (cube, found): &Filtered, recipe: &EnvironmentRecipe) -> Result<()> {
-        let format = cube_texel(self.format)?;
-        let (cube, n) = (recipe.orientation.apply(cube), format.channels());
-        let rgba: Vec<f32> = cube.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
-        let (bytes, packed) = format.pack(cube.size, cube.size, &rgba);
-        let texels = format.unpack(cube.size, cube.size, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
-        let stored = Cube { size: cube.size, texels };
+    /// Packs the next level.
+    fn push(&mut self, name: String, (map, found): &MapLevel, recipe: &EnvironmentRecipe) -> Result<()> {
+        let format = map_texel(self.format, map.layout)?;
+        let n = format.channels();
+        let ([width, height], _) = map.layout.shape(map.size);
+        let rgba: Vec<f32> = map.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
+        let (bytes, packed) = format.pack(width, height, &rgba);
+        let texels = format.unpack(width, height, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+        let stored = SphereMap { texels, ..*map };
         let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
         self.packing = self.packing.merge(packed);
         self.bytes.push(bytes);
@@ -291,7 +298,7 @@ impl Packed {
             kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
             view: recipe.view.filter(|_| name != IRRADIANCE),
             name,
-            size: cube.size,
+            size: map.size,
             roughness: found.roughness,
             texels: stored.texels,
             fitted: lookup.clone().filter(|_| is_fitted(found)),
@@ -309,22 +316,24 @@ impl Packed {
     }
 
     fn values(&self, recipe: &EnvironmentRecipe) -> Result<EnvironmentValues<'_>> {
-        let precision = precision(cube_texel(self.format)?, &self.levels, self.packing.max_block_error);
-        Ok(EnvironmentValues { levels: &self.levels, precision, orientation: recipe.orientation })
+        let format = map_texel(self.format, recipe.layout)?;
+        let precision = precision(format, &self.levels, self.packing.max_block_error);
+        let (layout, orientation) = (recipe.layout, recipe.orientation);
+        Ok(EnvironmentValues { levels: &self.levels, layout, precision, orientation })
     }
 
     fn digest(&self) -> String {
         texel_digest(self.levels.iter().map(|level| level.texels.as_flattened()))
     }
 
-    fn encode(self, metadata: Vec<(String, String)>, panorama: &Panorama) -> Result<Vec<u8>> {
+    fn encode(self, metadata: Vec<(String, String)>, layout: SphereLayout, panorama: &Panorama) -> Result<Vec<u8>> {
         let primaries = panorama.primaries();
-        let empty = Texture::empty_cube(cube_texel(self.format)?, self.size);
+        let format = map_texel(self.format, layout)?;
+        let ([width, height], faces) = layout.shape(self.size);
+        let empty = Texture { faces, ..Texture::empty(format, width, height) };
         format::encode(self.format, &Texture { levels: self.bytes, metadata, primaries, ..empty })
     }
 }
-
-type Filtered = (Cube, LevelReport);
 
 /// The specular chain and the irradiance cube, with as many samples as the settings ask for.
 fn filter(
@@ -332,14 +341,13 @@ fn filter(
     panorama: &Panorama,
     truth: &FullSum,
     progress: Progress,
-) -> Result<(Vec<Filtered>, Filtered)> {
+) -> Result<(Vec<MapLevel>, MapLevel)> {
     let settings = recipe.integration;
     let mut samples = settings.samples.unwrap_or(DEFAULT_SAMPLES);
     loop {
         let spec = chain_spec(recipe, samples);
-        let (chain, irradiance) =
-            chain_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
-        let specular: Vec<Filtered> = chain.levels.into_iter().zip(chain.reports).collect();
+        let (specular, irradiance) =
+            maps_and_irradiance_beside(truth, panorama, &spec, recipe.irradiance_size, progress)?;
         let worst = specular.iter().chain([&irradiance]).map(|(_, r)| r.rms_error).fold(0.0, f64::max);
         match settings.tolerance {
             Some(tolerance) if worst > tolerance => {

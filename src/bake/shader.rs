@@ -59,16 +59,25 @@ pub fn combined_shader(recipe: &Recipe, certificates: &[Certificate], folder: &P
     Ok(recipe.shader.iter().map(text).collect())
 }
 
-/// The code for a file that was baked, from its certificate; names begin with `name`, or else with the file's.
+/// The code for a file that was baked, from its certificate, of an array from those of its layers; names begin with `name`, or else with
+/// the file's.
 ///
 /// **Errors**: a file that cannot be read or has no certificate.
-pub fn shader_of(path: &Path, name: Option<&str>) -> Result<Shader> {
+pub fn shader_of(path: &Path, name: Option<&str>) -> Result<Vec<Shader>> {
     let file = if path.is_dir() { path.join("certificate.json") } else { path.to_owned() };
     let bytes = std::fs::read(&file).map_err(|e| Error::reading(&file, e))?;
     let decoded = match FileKind::of(&bytes) {
         FileKind::Other(_) => None, // a certificate by itself is text
         _ => Some(decode(&bytes)?),
     };
+    if let Some(json) = decoded.as_ref().and_then(|decoded| decoded.metadata(certificate::LAYERS_KEY)) {
+        let certificates = Certificate::list_from_json(json)?;
+        let of = |certificate: &Certificate| {
+            let own = name_of(certificate);
+            Shader::of_table(&name.map_or(own.clone(), |name| format!("{}_{own}", identifier(name))), certificate)
+        };
+        return certificates.iter().map(of).collect();
+    }
     let text = String::from_utf8_lossy(&bytes);
     let json = decoded.as_ref().map_or(Some(text.as_ref()), |d| d.metadata(certificate::KEY)).ok_or_else(|| {
         Error::invalid("no certificate in it", "name a file that Kiln baked, or its certificate.json")
@@ -77,7 +86,7 @@ pub fn shader_of(path: &Path, name: Option<&str>) -> Result<Shader> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let sh = certificate.environment.as_ref().map(|_| harmonics_in(folder)).transpose()?;
     let name = name.map_or_else(|| name_of(&certificate), identifier);
-    shader(&name, &certificate, sh.flatten().as_ref())
+    Ok(vec![shader(&name, &certificate, sh.flatten().as_ref())?])
 }
 
 fn shader(name: &str, certificate: &Certificate, sh: Option<&SphericalHarmonics>) -> Result<Shader> {

@@ -35,7 +35,11 @@ pub fn table_by_one_witness(recipe: &TableRecipe, progress: Progress) -> Result<
 }
 
 /// The table, as it lies in its file, and what is known of it.
-fn judged_table(recipe: &TableRecipe, both: bool, progress: Progress) -> Result<(Table, Texture, Certificate)> {
+pub(super) fn judged_table(
+    recipe: &TableRecipe,
+    both: bool,
+    progress: Progress,
+) -> Result<(Table, Texture, Certificate)> {
     recipe.check_format()?;
     let spec = recipe.spec()?;
     let integration = Integration::new(recipe.integration)?;
@@ -96,7 +100,7 @@ pub(crate) fn values(
     Ok((table, fitted))
 }
 
-fn file_name(path: &str) -> Result<String> {
+pub(super) fn file_name(path: &str) -> Result<String> {
     let name = Path::new(path).file_name().and_then(|n| n.to_str());
     name.map(str::to_owned)
         .ok_or_else(|| Error::usage(format!("{path:?} names no file"), "give a file name such as dfg.ktx2"))

@@ -1,10 +1,9 @@
 //! Facts about the values of an environment's cubes.
 
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
-use crate::environment::cube::texel_direction;
 use crate::environment::full_sum::FullSum;
 use crate::environment::{
-    Cube, CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, View, ViewLobe, area_average,
+    CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, SphereLayout, SphereMap, View, ViewLobe,
 };
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, bc6h};
@@ -17,7 +16,7 @@ use std::borrow::Cow;
 pub struct CubeLevel {
     /// `specular 0`, `irradiance`.
     pub name: String,
-    /// Texels along an edge.
+    /// Texels along an edge, or rows.
     pub size: usize,
     /// The artist's roughness.
     pub roughness: f64,
@@ -25,7 +24,7 @@ pub struct CubeLevel {
     pub kernel: KernelKind,
     /// How the surface is seen, if not as N = V = R.
     pub view: Option<View>,
-    /// Six faces, rows, texels.
+    /// Faces, rows, texels.
     pub texels: Vec<[f32; 3]>,
     /// The claimed lookup error of a level whose texels are chosen for the lookup: it is judged by that, not texel by texel.
     pub fitted: Option<CubeLookup>,
@@ -40,6 +39,8 @@ pub struct CubeLevel {
 pub struct EnvironmentValues<'a> {
     /// All cubes.
     pub levels: &'a [CubeLevel],
+    /// How the sphere lies in each of them.
+    pub layout: SphereLayout,
     /// Which way the cubes are turned.
     pub orientation: Orientation,
     /// What packing may have changed. Values that the format has no room for are stored as the nearest that it has.
@@ -60,21 +61,25 @@ impl Deviation {
     }
 }
 
-fn worst(name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
-    let count = deviations.len();
-    let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
-    let detail = format!("worst of {count} at {}", place(level.size, worst.place));
-    Some(Check::at_most(name, &level.name, worst.figure, worst.limit, detail))
-}
-
-/// Where a texel is, for a report.
-fn place(size: usize, (texel, channel): (usize, usize)) -> String {
-    let (face, rest) = (texel / (size * size), texel % (size * size));
-    let (face, channel) = (["+X", "-X", "+Y", "-Y", "+Z", "-Z"][face], ["R", "G", "B"][channel]);
-    format!("face {face}, texel {}, {}, {channel}", rest % size, rest / size)
-}
-
 impl EnvironmentValues<'_> {
+    fn worst(&self, name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
+        let count = deviations.len();
+        let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
+        let (texel, channel) = worst.place;
+        let place = self.layout.place(level.size, texel);
+        let detail = format!("worst of {count} at {place}, {}", ["R", "G", "B"][channel]);
+        Some(Check::at_most(name, &level.name, worst.figure, worst.limit, detail))
+    }
+
+    /// The world's direction of a texel's centre.
+    fn world(&self, level: &CubeLevel, texel: usize) -> DVec3 {
+        self.orientation.world(self.layout.direction(level.size, texel))
+    }
+
+    fn map(&self, level: &CubeLevel) -> SphereMap {
+        SphereMap { layout: self.layout, size: level.size, texels: level.texels.clone() }
+    }
+
     /// What can be said without the panorama: every value finite, and not negative unless the input was.
     pub fn facts(&self, may_be_negative: bool) -> Vec<Check> {
         let mut checks = vec![];
@@ -107,7 +112,7 @@ impl EnvironmentValues<'_> {
     pub(crate) fn against_truth(
         &self,
         sum: &FullSum,
-        average: Option<&Cube>,
+        average: Option<&SphereMap>,
         panorama: &Panorama,
         seed: u64,
         full: bool,
@@ -118,25 +123,28 @@ impl EnvironmentValues<'_> {
         for (index, level) in self.levels.iter().enumerate() {
             if is_constant {
                 let deviations = self.compare(level, panorama, all(level), |_| constant, true);
-                checks.extend(worst("distance from the constant input", level, deviations));
+                checks.extend(self.worst("distance from the constant input", level, deviations));
                 continue;
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
                 let known = average.filter(|average| average.size == level.size);
-                let average = known.map_or_else(|| Cow::Owned(area_average(panorama, level.size)), Cow::Borrowed);
-                let average = self.orientation.apply(&average);
+                let average = known.map_or_else(
+                    || SphereMap::area_average(panorama, self.layout, level.size, &self.orientation).map(Cow::Owned),
+                    |average| Ok(Cow::Borrowed(average)),
+                );
+                let Ok(average) = average else { continue }; // recipes are checked: no panorama is turned so
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
-                checks.extend(worst("exact area average at every texel", level, deviations));
+                checks.extend(self.worst("exact area average at every texel", level, deviations));
                 continue;
             }
             if let Some(view) = level.view {
                 checks.extend(self.against_view(level, view, panorama, sum, seed.wrapping_add(index as u64)));
                 continue;
             }
-            if alpha * level.size as f64 >= RESOLVED {
-                checks.push(mean_check(level, panorama, self.mean_packing(level)));
+            if alpha * level.size as f64 >= resolved(self.layout) {
+                checks.push(mean_check(&self.map(level), level, panorama, self.mean_packing(level)));
             }
             sum.prepare();
             let kernel = Kernel::of(level.kernel, alpha);
@@ -145,18 +153,46 @@ impl EnvironmentValues<'_> {
                 checks.push(self.lookup_check(level, panorama, sum, &kernel, claimed, seed));
                 continue;
             }
-            let turn = |d: DVec3| self.orientation.lookup(d);
-            let texels = if full { all(level) } else { chosen(level, sum.sun(), turn, seed) };
+            let texels = if full { all(level) } else { self.chosen(level, sum.sun(), seed) };
             let name = if full {
                 "full sum at every texel".to_owned()
             } else {
                 format!("full sum at {} texels", texels.len())
             };
-            let truth =
-                |texel: usize| sum.evaluate(self.orientation.world(texel_direction(level.size, texel)), &kernel);
-            checks.extend(worst(&name, level, self.compare(level, panorama, texels, truth, false)));
+            let truth = |texel: usize| sum.evaluate(self.world(level, texel), &kernel);
+            checks.extend(self.worst(&name, level, self.compare(level, panorama, texels, truth, false)));
         }
         checks
+    }
+
+    /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
+    /// it, opposite to it, and in the corners of the faces.
+    fn chosen(&self, level: &CubeLevel, sun: DVec3, seed: u64) -> Vec<usize> {
+        let n = level.texels.len();
+        let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
+        let (side, up) = sun.any_orthonormal_pair();
+        let ring = (0..8).map(|i| {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
+            side * cos + up * sin
+        });
+        let beside = [0.03, 0.1, 0.3]
+            .into_iter()
+            .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
+        let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
+        texels.extend(aims.into_iter().map(|d| self.layout.nearest(level.size, self.orientation.lookup(d))));
+        let ([width, height], pictures) = self.layout.shape(level.size);
+        let last = width * height - 1;
+        texels.extend((0..pictures).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
+        texels.sort_unstable();
+        texels.dedup();
+        texels
+    }
+
+    /// The block of a texel, face after face.
+    fn block(&self, level: &CubeLevel, texel: usize) -> usize {
+        let ([width, height], _) = self.layout.shape(level.size);
+        let per_face = width.div_ceil(bc6h::BLOCK) * height.div_ceil(bc6h::BLOCK);
+        texel / (width * height) * per_face + bc6h::block_of(width, texel % (width * height))
     }
 
     /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
@@ -166,7 +202,7 @@ impl EnvironmentValues<'_> {
         let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
         for (i, texel) in level.texels.iter().enumerate() {
             let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
-            let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, i)]);
+            let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[self.block(level, i)]);
             for c in 0..3 {
                 let value = f64::from(texel[c]).min(format.largest(c));
                 room[c] += self.precision.tolerance_in(c, value, brightest);
@@ -178,8 +214,9 @@ impl EnvironmentValues<'_> {
 
     /// The brightest value of each block, where texels are stored in such.
     fn brightest_of_blocks(&self, level: &CubeLevel) -> Option<Vec<f64>> {
-        let faces = level.texels.chunks_exact(level.size * level.size);
-        let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(level.size, level.size, face.as_flattened());
+        let ([width, height], _) = self.layout.shape(level.size);
+        let faces = level.texels.chunks_exact(width * height);
+        let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(width, height, face.as_flattened());
         (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
     }
 
@@ -194,16 +231,13 @@ impl EnvironmentValues<'_> {
         seed: u64,
     ) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let all = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
+        let all = self.chosen(level, sum.sun(), seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
-        let sums: Vec<[f64; 3]> = texels
-            .iter()
-            .map(|&texel| lobe.sum(panorama, self.orientation.world(texel_direction(level.size, texel))))
-            .collect();
+        let sums: Vec<[f64; 3]> = texels.iter().map(|&texel| lobe.sum(panorama, self.world(level, texel))).collect();
         let known = CubeLevel { max_error: level.max_error + VIEW_SUM / SIGMAS, ..level.clone() };
         let truth = |texel: usize| sums[texels.iter().position(|&t| t == texel).unwrap_or(0)];
-        worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
+        self.worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
     fn compare(
@@ -222,7 +256,7 @@ impl EnvironmentValues<'_> {
                 let wanted = truth(texel);
                 let wanted = [0, 1, 2].map(|c| self.precision.fit(c, wanted[c]));
                 let of_texel = wanted.into_iter().fold(0.0, f64::max);
-                let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[block(level, texel)]);
+                let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[self.block(level, texel)]);
                 (0..3).map(move |c| {
                     let wanted = wanted[c];
                     let scale = wanted.abs().max(DARK_FLOOR * mean[c].abs());
@@ -246,10 +280,10 @@ impl EnvironmentValues<'_> {
         claimed: &CubeLookup,
         seed: u64,
     ) -> Check {
-        let cube = Cube { size: level.size, texels: level.texels.clone() };
+        let map = self.map(level);
         let mean = panorama.mean();
         let n = level.texels.len() as f64;
-        let centres = chosen(level, sum.sun(), |d| self.orientation.lookup(d), seed);
+        let centres = self.chosen(level, sum.sun(), seed);
         let anywhere = weyl(seed, LOOKUPS).map(|a| {
             // A spiral of even density over the sphere, from a start that the seed names.
             let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);
@@ -258,12 +292,12 @@ impl EnvironmentValues<'_> {
             DVec3::new(across * cos, y, across * sin)
         });
         // As the shader looks up.
-        let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| texel_direction(level.size, t))).collect();
+        let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| map.direction(t))).collect();
         let errors: Vec<f64> = directions
             .par_iter()
             .map(|&direction| {
                 let wanted = sum.evaluate(self.orientation.world(direction), kernel);
-                let seen = cube.filtered(direction);
+                let seen = map.filtered(direction);
                 (0..3)
                     .map(|c| {
                         let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
@@ -286,27 +320,27 @@ const BETWEEN: f64 = 2.0;
 /// Directions that the full sum is asked for of a fitted level.
 const LOOKUPS: usize = 192;
 
-/// The block of a texel of a cube, face after face.
-fn block(level: &CubeLevel, texel: usize) -> usize {
-    let area = level.size * level.size;
-    let per_face = level.size.div_ceil(bc6h::BLOCK).pow(2);
-    texel / area * per_face + bc6h::block_of(level.size, texel % area)
-}
-
 /// Texels of a level seen at an angle that are summed over the panorama, and the error of that sum.
 const VIEW_POINTS: usize = 24;
 const VIEW_SUM: f64 = 1e-3;
 
-/// A level resolves its kernel when alpha is at least this many texels' widths in parts of the face: then texel centres sum to
-/// the mean of the filtered function but for [`TEXEL_SUM`].
-const RESOLVED: f64 = 4.0;
+/// A level resolves its kernel when alpha is at least this many parts of its size: then texel centres sum to the mean of the
+/// filtered function but for [`TEXEL_SUM`]. Measured with a lone sun, turned, and alpha 1/4 and 1: just above, 2e-3 of an octahedral map, whose
+/// texels differ most, 7e-4 of a panorama; a quarter of it, 5e-2 and 4e-3.
+fn resolved(layout: SphereLayout) -> f64 {
+    match layout {
+        SphereLayout::Cube => 4.0,
+        SphereLayout::Octahedral => 16.0,
+        SphereLayout::Equirect => 10.0,
+    }
+}
+
 /// Centres of texels that resolve the kernel sum to the flux of a lone sun within 2e-3; this leaves room for packing.
 const TEXEL_SUM: f64 = 4e-3;
 
 /// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
-    let cube = Cube { size: level.size, texels: level.texels.clone() };
-    let (found, wanted) = (cube.mean(), panorama.mean());
+fn mean_check(map: &SphereMap, level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
+    let (found, wanted) = (map.mean(), panorama.mean());
     let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
     let figure = (0..3).map(off).map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max);
     let detail = "largest of the channels, texels weighted by solid angle";
@@ -321,26 +355,4 @@ fn mean_check(level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
 
 fn all(level: &CubeLevel) -> Vec<usize> {
     (0..level.texels.len()).collect()
-}
-
-/// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
-/// it, opposite to it, and in the corners of the faces.
-fn chosen(level: &CubeLevel, sun: DVec3, turn: impl Fn(DVec3) -> DVec3, seed: u64) -> Vec<usize> {
-    let n = level.texels.len();
-    let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
-    let (side, up) = sun.any_orthonormal_pair();
-    let ring = (0..8).map(|i| {
-        let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
-        side * cos + up * sin
-    });
-    let beside = [0.03, 0.1, 0.3]
-        .into_iter()
-        .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
-    let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
-    texels.extend(aims.into_iter().map(|d| crate::environment::cube::nearest_texel(level.size, turn(d))));
-    let last = level.size * level.size - 1;
-    texels.extend((0..6).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
-    texels.sort_unstable();
-    texels.dedup();
-    texels
 }

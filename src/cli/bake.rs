@@ -3,7 +3,7 @@
 use super::arguments::{IntegrationArgs, ShaderArgs};
 use super::console::Console;
 use super::env::bake_environment;
-use super::table::bake_table;
+use super::table::{bake_array, bake_table};
 use clap::Args;
 use kiln::engine;
 use kiln::format::atomic;
@@ -46,6 +46,10 @@ impl Bake {
             table.integration = self.integration.over(table.integration);
             table.integration.check()?;
         }
+        for layer in recipe.arrays.iter_mut().flat_map(|array| &mut array.layers) {
+            layer.integration = self.integration.over(layer.integration);
+            layer.integration.check()?;
+        }
         for environment in &mut recipe.environments {
             environment.integration = self.integration.over(environment.integration);
             environment.check()?;
@@ -62,6 +66,9 @@ impl Bake {
         let mut certificates = vec![];
         for table in &recipe.tables {
             certificates.push(bake_table(table, &self.out, &[], console)?);
+        }
+        for array in &recipe.arrays {
+            certificates.extend(bake_array(array, &self.out, console)?);
         }
         for environment in &recipe.environments {
             certificates.push(bake_environment(environment, &self.out, &[], console)?);
@@ -101,6 +108,7 @@ impl Bake {
             let replaced = |own: &str| file.environments.iter().any(|environment| environment.directory == own);
             recipe.environments.retain(|own| !replaced(&own.directory));
             recipe.environments.extend(file.environments);
+            recipe.arrays.extend(file.arrays);
             recipe.check()?;
         }
         Ok(recipe)

@@ -3,11 +3,12 @@
 use super::console::Console;
 use clap::{Args, ValueEnum};
 use kiln::convert::{Conversion, Report, Shape, convert, usual_format};
+use kiln::environment::SphereLayout;
 use kiln::format::{self, Container, FormatSpec, atomic};
 use kiln::{Error, Result};
 use std::path::PathBuf;
 
-/// Convert a file between containers, packings, panorama and cube, and say what that cost
+/// Convert a file between containers, packings, and pictures of the sphere, and say what that cost
 #[derive(Debug, Args)]
 #[command(
     after_help = "Values that the new format has no room for, and mips, faces and channels that it has no place for, are an error unless a \
@@ -25,7 +26,11 @@ pub struct Convert {
     /// What a picture of the sphere becomes
     #[arg(long, value_enum, value_name = "SHAPE")]
     shape: Option<ShapeName>,
-    /// Texels along an edge of the cube [default: a quarter of the panorama's width]
+    /// What picture of the sphere the input is [default: what its certificate says; else a cube for six faces, a panorama for one]
+    #[arg(long, value_enum, value_name = "SHAPE", requires = "shape")]
+    from: Option<ShapeName>,
+    /// Texels along an edge of the cube or of the octahedral square, or rows of the panorama [default: of a panorama W wide W/4, W/2;
+    /// a panorama is four edges wide]
     #[arg(long, value_name = "N")]
     size: Option<usize>,
     /// Only that level of the mips, 0 the largest
@@ -43,8 +48,20 @@ pub struct Convert {
 enum ShapeName {
     /// A cube map: the exact average over each texel
     Cube,
-    /// A panorama, four times as wide as the cube: likewise
+    /// One square: p = (d.x, d.y)/(|d.x| + |d.y| + |d.z|), folded outwards where d.z < 0; likewise
+    Octahedral,
+    /// A panorama: likewise
     Panorama,
+}
+
+impl From<ShapeName> for SphereLayout {
+    fn from(name: ShapeName) -> Self {
+        match name {
+            ShapeName::Cube => Self::Cube,
+            ShapeName::Octahedral => Self::Octahedral,
+            ShapeName::Panorama => Self::Equirect,
+        }
+    }
 }
 
 impl Convert {
@@ -55,19 +72,16 @@ impl Convert {
             None => usual_format(self.container()?, &decoded)?,
         };
         let shape = match (self.shape, self.size) {
-            (Some(ShapeName::Cube), size) => Shape::Cube(self.checked_size(size)?),
-            (shape, Some(_)) if !matches!(shape, Some(ShapeName::Cube)) => {
-                return Err(Error::usage(
-                    "--size without --shape cube",
-                    "leave it out: only a cube has a size of its own",
-                ));
+            (Some(shape), size) => Shape::Map(shape.into(), self.checked_size(size)?),
+            (None, Some(_)) => {
+                return Err(Error::usage("--size without --shape", "say with --shape what is to have that size"));
             }
-            (Some(ShapeName::Panorama), _) => Shape::Panorama,
-            _ => Shape::Keep,
+            (None, None) => Shape::Keep,
         };
+        let from = self.from.map(SphereLayout::from);
         let name = self.output.file_stem().and_then(|name| name.to_str()).map(str::to_owned);
         let (level, channels, clamp) = (self.level, self.channels, self.clamp);
-        let conversion = Conversion { format, shape, level, channels, clamp, name };
+        let conversion = Conversion { format, shape, from, level, channels, clamp, name };
         let (bytes, report) = convert(decoded, &conversion).map_err(|e| e.in_file(&self.input))?;
         atomic::write(&self.output, &bytes)?;
         for note in &report.notes {
@@ -112,6 +126,9 @@ fn text(convert: &Convert, format: FormatSpec, report: &Report) -> String {
     );
     if let Some(change) = report.flux_change {
         text += &format!("the mean over the sphere changed by {change:.1e} of it\n");
+    }
+    if let Some(rms) = report.resampling_rms {
+        text += &format!("a bilinear lookup is off from the texels that were there by {:.2} % RMS\n", 100.0 * rms);
     }
     text
 }

@@ -58,6 +58,7 @@ struct AxisRow {
 
 #[derive(Serialize)]
 struct EnvironmentRow {
+    layout: &'static str,
     size: usize,
     levels: usize,
     roughness: Vec<f64>,
@@ -67,7 +68,8 @@ struct EnvironmentRow {
     roughness_as_shipped: Option<Vec<f64>>,
     kernel: &'static str,
     /// The world's direction that each face holds, of u to the right and v down: +X −X +Y −Y +Z −Z.
-    faces: [[&'static str; 3]; 6],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    faces: Option<[[&'static str; 3]; 6]>,
     orientation: String,
     mirror: bool,
     irradiance: &'static str,
@@ -137,13 +139,14 @@ impl EnvironmentRow {
             holds: preset.sh.holds(),
         });
         Ok(Self {
+            layout: preset.layout.name(),
             size: preset.size,
             levels: preset.n_levels(preset.size),
             roughness: preset.level_roughness(preset.size, false),
             level: preset.roughness.formula(),
             roughness_as_shipped: preset.as_shipped.map(|_| preset.level_roughness(preset.size, true)),
             kernel: preset.kernel.name(),
-            faces: orientation.faces(),
+            faces: preset.layout.is_cube().then(|| orientation.faces()),
             orientation: orientation.to_string(),
             mirror: orientation.is_mirror(),
             irradiance: preset.irradiance.name(),
@@ -237,7 +240,8 @@ fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
         .map(|r| format!("{r:.4}").trim_end_matches('0').trim_end_matches('.').to_owned())
         .collect();
     let mut flags = format!(
-        "kiln env INPUT --out DIR --size {} --roughness {} --format {} --orientation {} --irradiance {}",
+        "kiln env INPUT --out DIR{} --size {} --roughness {} --format {} --orientation {} --irradiance {}",
+        if preset.layout.is_cube() { String::new() } else { format!(" --layout {}", preset.layout) },
         preset.size,
         rounded.join(","),
         preset.format,

@@ -12,7 +12,7 @@ use kiln::engine;
 use kiln::environment::spherical_harmonics::IrradianceFit;
 use kiln::environment::{
     Fit, InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention,
-    View,
+    SphereLayout, View,
 };
 use kiln::format::FormatSpec;
 use kiln::language::Language;
@@ -43,10 +43,14 @@ pub struct Env {
     draft: bool,
     #[command(flatten)]
     engine: EngineArgs,
-    /// Texels along an edge of the specular cube's level 0 [default: 256]
+    /// How the sphere lies in the specular and the irradiance file [default: cube]
+    #[arg(long, value_enum)]
+    layout: Option<LayoutName>,
+    /// Texels along an edge of the specular cube's level 0, or of the octahedral square; rows of a panorama, which is twice as wide
+    /// [default: 256]
     #[arg(long, value_name = "N")]
     size: Option<usize>,
-    /// Texels along an edge of its last level [default: 16]
+    /// The same of its last level [default: 16]
     #[arg(long, value_name = "N")]
     min_size: Option<usize>,
     /// Roughness of each level, each half the size of the one before [default: m/(levels − 1), down to --min-size]
@@ -67,7 +71,7 @@ pub struct Env {
     /// How diffuse light is written [default: cube]
     #[arg(long, value_enum)]
     irradiance: Option<IrradianceName>,
-    /// Texels along an edge of the irradiance cube [default: 32]
+    /// The same of the irradiance cube [default: 32]
     #[arg(long, value_name = "N")]
     irradiance_size: Option<usize>,
     /// Container and texel format of the cubes, such as ktx2:rgb9e5+zstd, dds:bc6h, ktx1:b10g11r11, env: see `kiln list formats`
@@ -119,6 +123,26 @@ enum InputLayoutName {
     Strip,
     /// A cube texture or six files
     Cube,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum LayoutName {
+    /// Six faces
+    Cube,
+    /// One square: p = (d.x, d.y)/(|d.x| + |d.y| + |d.z|), folded outwards where d.z < 0; texture coordinates ½ + ½ p
+    Octahedral,
+    /// A panorama: u = ½ + atan2(d.z, d.x)/2π, v = acos(d.y)/π
+    Equirect,
+}
+
+impl From<LayoutName> for SphereLayout {
+    fn from(name: LayoutName) -> Self {
+        match name {
+            LayoutName::Cube => Self::Cube,
+            LayoutName::Octahedral => Self::Octahedral,
+            LayoutName::Equirect => Self::Equirect,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -235,6 +259,7 @@ impl Env {
                 )
             })?,
         };
+        recipe.layout = self.layout.map_or(recipe.layout, SphereLayout::from);
         let draft = |size: usize| self.draft.then_some(size);
         if let Some(size) = draft(DRAFT_SIZE).or(self.size) {
             recipe.size = size;
@@ -381,9 +406,9 @@ pub fn bake_environment(
         .levels
         .iter()
         .map(|l| match l.integrator.as_str() {
-            "area-average" => format!("{} {}² exact", l.name, l.size),
-            "monte-carlo" => format!("{} {}² ±{:.1} %", l.name, l.size, 100.0 * l.rms_error),
-            _ => format!("{} {}² within {:.0e}", l.name, l.size, l.max_error),
+            "area-average" => format!("{} {} exact", l.name, recipe.layout.size_text(l.size)),
+            "monte-carlo" => format!("{} {} ±{:.1} %", l.name, recipe.layout.size_text(l.size), 100.0 * l.rms_error),
+            _ => format!("{} {} within {:.0e}", l.name, recipe.layout.size_text(l.size), l.max_error),
         })
         .collect();
     if recipe.fit == Fit::Lookup {

@@ -43,6 +43,9 @@ struct Facts {
     metadata: Vec<(String, String)>,
     #[serde(skip_serializing_if = "Option::is_none")]
     certificate: Option<Certificate>,
+    /// Of the layers of an array.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    layer_certificates: Vec<Certificate>,
 }
 
 /// Values of one channel of level 0.
@@ -88,6 +91,10 @@ fn facts(path: &Path, unit: Unit) -> Result<Facts> {
         Decoded::Array(array) => of_array(path, kind, array),
     };
     let text = facts.metadata.iter().position(|(key, _)| key == certificate::KEY).map(|i| facts.metadata.remove(i).1);
+    let layers = facts.metadata.iter().position(|(key, _)| key == certificate::LAYERS_KEY);
+    if let Some(text) = layers.map(|i| facts.metadata.remove(i).1) {
+        facts.layer_certificates = Certificate::list_from_json(&text)?;
+    }
     facts.certificate = text.map(|t| Certificate::from_json(&t)).transpose()?;
     Ok(facts)
 }
@@ -113,6 +120,7 @@ fn of_image(path: &Path, kind: &str, image: Image, unit: Unit) -> Facts {
             .map(|(p, _)| of_panorama(&p, unit)),
         metadata: image.metadata,
         certificate: None,
+        layer_certificates: vec![],
     }
 }
 
@@ -139,6 +147,7 @@ fn of_texture(path: &Path, kind: &str, texture: Texture) -> Facts {
         panorama: None,
         metadata: texture.metadata,
         certificate: None,
+        layer_certificates: vec![],
     }
 }
 
@@ -162,6 +171,7 @@ fn of_array(path: &Path, kind: &str, array: Array) -> Facts {
         panorama: None,
         metadata: array.metadata,
         certificate: None,
+        layer_certificates: vec![],
     }
 }
 
@@ -259,15 +269,28 @@ fn text(facts: &Facts) -> String {
                     fit.exact.channel, fit.exact.max, fit.exact.rms
                 );
             }
+            let layout = c.environment.as_ref().map(|recipe| recipe.layout).unwrap_or_default();
             for level in &c.levels {
                 text += &format!(
-                    "  {} {}², roughness {}: RMS error {:.1e} ({})\n",
-                    level.name, level.size, level.roughness, level.rms_error, level.integrator
+                    "  {} {}, roughness {}: RMS error {:.1e} ({})\n",
+                    level.name,
+                    layout.size_text(level.size),
+                    level.roughness,
+                    level.rms_error,
+                    level.integrator
                 );
                 text += &seen(level);
             }
         }
-        None => text += "no certificate\n",
+        None if facts.layer_certificates.is_empty() => text += "no certificate\n",
+        None => {}
+    }
+    for (i, c) in facts.layer_certificates.iter().enumerate() {
+        let name = c.table.as_ref().map(|table| table.file.as_str()).unwrap_or_default();
+        text += &format!("layer {i}, {name}: Kiln {}, {} checks, {} failed\n", c.kiln, c.checks.len(), c.failures());
+        for channel in &c.channels {
+            text += &format!("  {} = {}, ±{:.1e}\n", channel.quantity, channel.definition, channel.max_error);
+        }
     }
     printable(&(text + "\n"))
 }

@@ -22,7 +22,7 @@ pub struct Shader {
 impl Shader {
     pub fn run(&self, console: &Console) -> Result<()> {
         let shader = kiln::bake::shader_of(&self.file, self.name.as_deref()).map_err(|e| e.in_file(&self.file))?;
-        let text = shader.to_text(self.language);
+        let text = kiln::shader::combined(&shader, self.language);
         if console.json { console.print_json(&text) } else { console.print(&text) }
     }
 }

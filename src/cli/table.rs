@@ -8,7 +8,7 @@ use kiln::format::{Container, FormatSpec};
 use kiln::language::Language;
 use kiln::math::warp::Warp;
 use kiln::pack::{PackReport, TexelFormat};
-use kiln::recipe::TableRecipe;
+use kiln::recipe::{ArrayRecipe, TableRecipe};
 use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -202,6 +202,23 @@ pub fn bake_table(
     let paths = baked.write(folder)?;
     report(console, &baked.certificate, recipe.texel_format()?, &paths);
     Ok(baked.certificate)
+}
+
+/// Bakes an array texture below `folder`, and says what became of each layer.
+pub fn bake_array(recipe: &ArrayRecipe, folder: &Path, console: &Console) -> Result<Vec<Certificate>> {
+    recipe.check()?;
+    let tables = recipe.tables();
+    let specs = tables.iter().map(TableRecipe::spec).collect::<Result<Vec<_>>>()?;
+    let bar = console.progress(specs.iter().map(|spec| spec.len() as u64).sum(), &recipe.file);
+    let baked = kiln::bake::array(recipe, &|n| bar.inc(n));
+    bar.finish_and_clear();
+    let baked = baked?;
+    let paths = baked.write(folder)?;
+    for (i, (table, certificate)) in tables.iter().zip(&baked.certificates).enumerate() {
+        let layer = format!("{}, layer {i}", paths.first().map_or(folder, PathBuf::as_path).display());
+        report(console, certificate, table.texel_format()?, &[layer.into()]);
+    }
+    Ok(baked.certificates)
 }
 
 /// Says what was written and how wrong it may be.

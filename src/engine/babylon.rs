@@ -13,6 +13,7 @@ pub(super) static BABYLON: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Babylon,

@@ -41,6 +41,7 @@ impl Engine {
                 found.push(format!("{} reads {what} {theirs}, and {what} {ours} was asked for", self.name));
             }
         };
+        differs("layout", preset.layout.name().to_owned(), recipe.layout.name().to_owned());
         let list = |values: &[f64]| values.iter().map(|r| format!("{r:.3}")).collect::<Vec<_>>().join(",");
         differs("roughness", list(&own.level_roughness(recipe.size, as_shipped)), list(&recipe.level_roughness()));
         differs("kernel", preset.kernel.name().to_owned(), recipe.kernel.name().to_owned());

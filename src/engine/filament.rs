@@ -14,6 +14,7 @@ pub(super) static FILAMENT: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(16),
         roughness: RoughnessMap::Quadratic,

@@ -24,6 +24,7 @@ pub(super) static GLTF: Engine = Engine {
         },
     ],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(2),
         roughness: RoughnessMap::Linear,

@@ -15,6 +15,7 @@ pub(super) static GODOT: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::Count(8),
         roughness: RoughnessMap::Linear,

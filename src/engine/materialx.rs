@@ -14,18 +14,20 @@ pub(super) static MATERIALX: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Equirect,
         size: 256,
         levels: Levels::DownTo(2),
         roughness: RoughnessMap::MaterialX,
         as_shipped: None,
         kernel: KernelKind::G1,
-        orientation: "x,y,z",
+        // u = 1/2 + atan2(x, -z)/2pi: -Z in the middle.
+        orientation: "z,y,-x",
         irradiance: IrradianceKind::Cube,
         irradiance_size: 32,
-        format: "ktx2:rgba32f",
-        irradiance_format: "ktx2:rgba32f",
-        specular_file: "{name}_specular.ktx2",
-        irradiance_file: "{name}_irradiance.ktx2",
+        format: "exr:f32",
+        irradiance_format: "exr:f32",
+        specular_file: "{name}_specular.exr",
+        irradiance_file: "{name}_irradiance.exr",
         sh: ShConvention::Kiln,
     }),
     sources: &[
@@ -33,9 +35,11 @@ pub(super) static MATERIALX: Engine = Engine {
     ],
     from_memory: &[],
     warnings: &[
-        "MaterialXView reads panoramas, not cubes: turn the levels into panoramas with `kiln convert`",
+        "MaterialXView filters panoramas itself and reads no levels from files: the chain, mips of one OpenEXR, is for renderers of your own that call \
+         its shader code",
         "the last level stands for alpha 1.25, which it holds as 1; alpha 1 is read at seven eighths of the chain",
     ],
-    missing: &["a chain of panoramas as one file"],
-    usage: "the table replaces the one that the viewer renders when it starts",
+    missing: &[],
+    usage: "the table replaces the one that the viewer renders when it starts; the specular panorama is u_envRadiance, with u_envRadianceMips levels, the \
+            irradiance one u_envIrradiance, which holds E/pi",
 };

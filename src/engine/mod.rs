@@ -26,7 +26,7 @@ mod wicked;
 
 pub use roughness::RoughnessMap;
 
-use crate::environment::{BUILTIN_PREFIX, KernelKind, Orientation, ShConvention};
+use crate::environment::{BUILTIN_PREFIX, KernelKind, Orientation, ShConvention, SphereLayout};
 use crate::error::{Error, Result};
 use crate::integrate::Settings;
 use crate::math::fit::Fit;
@@ -126,7 +126,9 @@ const PLAIN: EngineTable = EngineTable {
 /// The environment of an engine.
 #[derive(Debug)]
 pub struct EngineEnvironment {
-    /// Texels along an edge of level 0.
+    /// How the sphere lies in its textures.
+    pub layout: SphereLayout,
+    /// Texels along an edge of level 0, or rows of a panorama.
     pub size: usize,
     /// Where the chain ends.
     pub levels: Levels,
@@ -239,6 +241,7 @@ impl Engine {
         let file = |template: &str| Some(template.replace("{name}", &name)).filter(|file| !file.is_empty());
         let own = preset.irradiance_format != preset.format;
         Ok(Some(EnvironmentRecipe {
+            layout: preset.layout,
             size: preset.size,
             roughness: Some(preset.level_roughness(preset.size, as_shipped)),
             irradiance_size: preset.irradiance_size,
@@ -282,7 +285,8 @@ pub fn find(name: &str) -> Result<&'static Engine> {
 ///
 /// **Errors**: two environments of the same name; engines that need nothing that could be baked.
 pub fn recipe(engines: &[&Engine], environments: &[String], as_shipped: bool) -> Result<Recipe> {
-    let mut recipe = Recipe { recipe: RECIPE_VERSION, tables: vec![], environments: vec![], shader: vec![] };
+    let mut recipe =
+        Recipe { recipe: RECIPE_VERSION, tables: vec![], arrays: vec![], environments: vec![], shader: vec![] };
     for engine in engines {
         for table in engine.tables {
             let own = table.recipe(as_shipped)?;

@@ -13,6 +13,7 @@ pub(super) static O3DE: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::Count(6),
         roughness: RoughnessMap::Steps(5.0),

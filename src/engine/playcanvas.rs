@@ -7,6 +7,7 @@ pub(super) static PLAYCANVAS: Engine = Engine {
     title: "PlayCanvas",
     tables: &[],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::Count(6),
         roughness: RoughnessMap::Steps(5.0),

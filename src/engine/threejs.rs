@@ -13,6 +13,7 @@ pub(super) static THREEJS: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(8),
         roughness: RoughnessMap::Quadratic,

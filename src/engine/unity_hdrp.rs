@@ -24,6 +24,7 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         },
     ],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 128,
         levels: Levels::Count(7),
         roughness: RoughnessMap::Unity,

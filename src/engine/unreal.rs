@@ -14,6 +14,7 @@ pub(super) static UNREAL: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 128,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Unreal,

@@ -14,6 +14,7 @@ pub(super) static WICKED: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
+        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Count,

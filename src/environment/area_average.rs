@@ -188,8 +188,8 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// P at every edge between rows, counted from a pole.
-struct Wedges {
-    grid: Grid,
+pub(super) struct Wedges {
+    pub(super) grid: Grid,
     /// One line of `width` values of P for each edge of the grid's rows, three channels each, and one number more.
     prefix: Vec<f64>,
     instructions: InstructionSet,
@@ -198,7 +198,13 @@ struct Wedges {
 impl Wedges {
     /// The prefix integrals of `panorama − mean` over the first `rows` rows from the north pole, or from the south pole of
     /// the panorama when `mirrored`. They take 24 bytes a texel.
-    fn new(panorama: &Panorama, mean: [f64; 3], rows: usize, mirrored: bool, instructions: InstructionSet) -> Self {
+    pub(super) fn new(
+        panorama: &Panorama,
+        mean: [f64; 3],
+        rows: usize,
+        mirrored: bool,
+        instructions: InstructionSet,
+    ) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let grid = Grid::new(width, panorama.row_edges(), rows);
         // Each band of rows from zero, on any thread; then what all bands above come to is added.
@@ -239,7 +245,7 @@ impl Wedges {
 
     /// Adds ∫ P dφ over what a texel holds of an arc; the fourth number means nothing.
     #[inline(always)]
-    fn add<A: Arithmetic>(&self, part: Part, sum: &mut [f64; 4]) {
+    pub(super) fn add<A: Arithmetic>(&self, part: Part, sum: &mut [f64; 4]) {
         let index = 3 * (part.row * self.grid.width() + part.column);
         let four = |at: usize| -> &[f64; 4] {
             self.prefix[at..].first_chunk().expect("a number more than there are channels follows the last texel")

@@ -1,15 +1,21 @@
 //! A chain of prefiltered levels: mip 0 sharp, each further level half as large and rougher.
 
+use std::cell::RefCell;
+
+use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::area_average::area_average;
 use super::cube::Cube;
-use super::fit::{CubeFit, fit};
+use super::fit::{CubeFit, fit, fit_map};
 use super::full_sum::FullSum;
 use super::kernel::{Kernel, KernelKind};
-use super::monte_carlo::{MIN_SAMPLES, MonteCarlo};
+use super::monte_carlo::{Estimate, MIN_SAMPLES, MonteCarlo};
+use super::orientation::Orientation;
 use super::panorama::Panorama;
 use super::seamless::Probe;
+use super::sphere_map::{SphereLayout, SphereMap};
 use super::view_lobe::{View, ViewLobe, ViewMonteCarlo};
 use super::zonal::{InstructionSet, Zonal};
 use crate::error::{Error, Result};
@@ -41,6 +47,12 @@ pub struct ChainSpec {
     /// Whether every level gets a probe of its lookup error.
     #[serde(default)]
     pub probe: bool,
+    /// How the sphere lies in each level of [`maps_and_irradiance_beside`]; the other functions make cubes.
+    #[serde(default)]
+    pub layout: SphereLayout,
+    /// Which way those are turned.
+    #[serde(default)]
+    pub orientation: Orientation,
 }
 
 /// Levels from the sharpest to the roughest, and what is known about each.
@@ -55,7 +67,7 @@ pub struct Chain {
 /// What is known about a level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LevelReport {
-    /// Texels along an edge of a face.
+    /// Texels along an edge of a face or of the square, or rows of a panorama.
     pub size: usize,
     /// Perceptual roughness.
     pub roughness: f64,
@@ -103,6 +115,9 @@ const QUADRATURE_BOUND: f64 = 1e-6;
 /// leave at a sun.
 const ZONAL_FLOOR: f64 = 1e-5;
 
+/// Texels along an edge of the cube in which the darkest directions of a map that is no cube are looked for.
+const MEASURED: usize = 32;
+
 impl ChainSpec {
     /// The usual chain: from `size` down to `min_size`, with roughness rising evenly from 0 to 1.
     ///
@@ -124,17 +139,19 @@ impl ChainSpec {
             view: None,
             fit: Fit::None,
             probe: false,
+            layout: SphereLayout::default(),
+            orientation: Orientation::default(),
         }
     }
 
-    /// Texels along an edge of a level.
+    /// Texels along an edge of a level, or rows.
     pub fn level_size(&self, level: usize) -> usize {
         self.size >> level
     }
 
     /// Texels of all levels together: what the progress callback adds up to.
     pub fn total_texels(&self) -> u64 {
-        (0..self.roughness.len()).map(|level| 6 * (self.level_size(level) as u64).pow(2)).sum()
+        (0..self.roughness.len()).map(|level| self.layout.texels(self.level_size(level)) as u64).sum()
     }
 
     /// The kernel of a level of that roughness; none for a mirror.
@@ -196,22 +213,30 @@ pub fn chain_and_irradiance(
     irradiance_size: usize,
     finished: &(dyn Fn(u64) + Sync),
 ) -> Result<(Chain, (Cube, LevelReport))> {
-    chain_and_irradiance_beside(&FullSum::new(panorama), panorama, spec, irradiance_size, finished)
+    let filter = Filter::for_both(FullSum::new(panorama), panorama, spec, irradiance_size)?;
+    Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, Some(lambert()), finished)))
 }
 
-/// The same, with a full sum of the panorama that others use too.
-pub(crate) fn chain_and_irradiance_beside(
+/// A level in its layout, turned, and what is known about it.
+pub(crate) type MapLevel = (SphereMap, LevelReport);
+
+/// The same in the layout that is asked for, turned, with a full sum of the panorama that others use too.
+pub(crate) fn maps_and_irradiance_beside(
     truth: &FullSum,
     panorama: &Panorama,
     spec: &ChainSpec,
     irradiance_size: usize,
     finished: &(dyn Fn(u64) + Sync),
-) -> Result<(Chain, (Cube, LevelReport))> {
-    spec.check()?;
-    check_irradiance(irradiance_size)?;
-    let kernels: Vec<Kernel> = spec.kernels().into_iter().chain([lambert()]).collect();
-    let filter = Filter::beside(truth.clone(), panorama, spec, &kernels);
-    Ok((filter.chain(spec, finished), filter.level(irradiance_size, 1.0, Some(lambert()), finished)))
+) -> Result<(Vec<MapLevel>, MapLevel)> {
+    spec.layout.check_orientation(&spec.orientation)?;
+    let filter = Filter::for_both(truth.clone(), panorama, spec, irradiance_size)?;
+    let mut levels = vec![];
+    for (level, &roughness) in spec.roughness.iter().enumerate() {
+        let kernel = spec.kernel_of(roughness);
+        levels.push(filter.map_level(spec, spec.level_size(level), roughness, kernel, finished)?);
+    }
+    let irradiance = filter.map_level(spec, irradiance_size, 1.0, Some(lambert()), finished)?;
+    Ok((levels, irradiance))
 }
 
 /// Whether a kernel has all these roughnesses.
@@ -273,6 +298,9 @@ pub(super) struct Filter<'a> {
     view: Option<(View, ViewMonteCarlo)>,
 }
 
+/// Estimates in some directions, and the number of samples behind each.
+type Sampler<'a> = dyn Fn(&[DVec3]) -> (Vec<Estimate>, usize) + 'a;
+
 enum Witness<'a> {
     MonteCarlo(Box<MonteCarlo<'a>>),
     Quadrature(FullSum<'a>),
@@ -302,6 +330,14 @@ impl<'a> Filter<'a> {
         let view = spec.view.map(|view| (view, ViewMonteCarlo::new(panorama, spec.seed)));
         let (samples, seed) = (spec.samples, spec.seed);
         Self { panorama, samples, seed, witness, truth: everywhere, fit: spec.fit, probe: spec.probe, view }
+    }
+
+    /// The filter of a chain and of irradiance.
+    fn for_both(truth: FullSum<'a>, panorama: &'a Panorama, spec: &ChainSpec, irradiance_size: usize) -> Result<Self> {
+        spec.check()?;
+        check_irradiance(irradiance_size)?;
+        let kernels: Vec<Kernel> = spec.kernels().into_iter().chain([lambert()]).collect();
+        Ok(Self::beside(truth, panorama, spec, &kernels))
     }
 
     fn chain(&self, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Chain {
@@ -337,8 +373,111 @@ impl<'a> Filter<'a> {
             return (cube, LevelReport { probe: Some(probe), ..report });
         }
         let (cube, fit) = fit(&function, cube, self.panorama, &probe);
-        let (mean, mean_deviation) = self.mean(&cube);
+        let (mean, mean_deviation) = self.mean(cube.mean());
         (cube, LevelReport { probe: Some(probe), fit: Some(fit), mean, mean_deviation, ..report })
+    }
+
+    /// A level in the layout of `spec`, turned as it says; without a kernel, of a mirror.
+    fn map_level(
+        &self,
+        spec: &ChainSpec,
+        size: usize,
+        roughness: f64,
+        kernel: Option<Kernel>,
+        finished: &(dyn Fn(u64) + Sync),
+    ) -> Result<MapLevel> {
+        let (layout, orientation) = (spec.layout, &spec.orientation);
+        if layout == SphereLayout::Cube {
+            let (cube, report) = self.level(size, roughness, kernel, finished);
+            return Ok((orientation.apply(&cube).into(), report));
+        }
+        let Some(kernel) = kernel else {
+            let map = SphereMap::area_average(self.panorama, layout, size, orientation)?;
+            finished(map.texels.len() as u64);
+            let errors = (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND);
+            let report = self.report(size, map.mean(), roughness, "area-average", 0, errors);
+            return Ok((map, report));
+        };
+        let (map, report) = self.exact_map(spec, size, roughness, kernel, finished);
+        let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
+        let at_an_angle = self.view.is_some() && kernel.kind() == KernelKind::G1;
+        let wanted = (self.probe || self.fit == Fit::Lookup) && !at_an_angle;
+        let Some(function) = zonal.filter(|_| wanted).map(|zonal| zonal.function(&kernel)) else {
+            return Ok((map, report));
+        };
+        if function.degree == 0 {
+            return Ok((map, report));
+        }
+        let probe = Probe::of_map(&function, &map, orientation, self.panorama.mean(), self.seed);
+        if self.fit == Fit::None {
+            return Ok((map, LevelReport { probe: Some(probe), ..report }));
+        }
+        let (map, fit) = fit_map(&function, map, orientation, self.panorama, &probe);
+        let (mean, mean_deviation) = self.mean(map.mean());
+        Ok((map, LevelReport { probe: Some(probe), fit: Some(fit), mean, mean_deviation, ..report }))
+    }
+
+    /// A level of a map that is no cube, whose texels are the values at their centres.
+    fn exact_map(
+        &self,
+        spec: &ChainSpec,
+        size: usize,
+        roughness: f64,
+        kernel: Kernel,
+        finished: &(dyn Fn(u64) + Sync),
+    ) -> MapLevel {
+        let (layout, orientation) = (spec.layout, &spec.orientation);
+        let gather = |values: &dyn Fn(&[DVec3]) -> Vec<[f64; 3]>, finished: &(dyn Fn(u64) + Sync)| {
+            SphereMap::gather(layout, size, orientation, values, finished)
+        };
+        // Samplers count for themselves, and their standard errors come beside their values.
+        let sampled = |sample: &Sampler| {
+            let found = RefCell::new((vec![], 0));
+            let values = |directions: &[DVec3]| {
+                let (estimates, samples) = sample(directions);
+                let mut found = found.borrow_mut();
+                found.1 = samples;
+                found.0.extend(estimates.iter().map(|e| e.standard_error.map(|v| v as f32)));
+                estimates.into_iter().map(|e| e.value).collect()
+            };
+            let map = gather(&values, &|_| {});
+            let (errors, samples) = found.into_inner();
+            let errors = self.relative_errors(&map.texels, &errors);
+            let report = self.report(size, map.mean(), roughness, "monte-carlo", samples, errors);
+            (map, report)
+        };
+        // (Irradiance is no reflection.)
+        if let Some((view, monte_carlo)) = self.view.as_ref().filter(|_| kernel.kind() == KernelKind::G1) {
+            let lobe = ViewLobe::new(kernel.alpha(), *view);
+            return sampled(&|directions| monte_carlo.estimate(directions, &lobe, self.samples, finished));
+        }
+        let quadrature = (QUADRATURE_BOUND, QUADRATURE_BOUND);
+        match &self.witness {
+            Witness::MonteCarlo(monte_carlo) => {
+                sampled(&|directions| monte_carlo.estimate(directions, &kernel, self.samples, finished))
+            }
+            Witness::Quadrature(full_sum) => {
+                full_sum.prepare();
+                let values =
+                    |directions: &[DVec3]| directions.par_iter().map(|&d| full_sum.evaluate(d, &kernel)).collect();
+                let map = gather(&values, finished);
+                let report = self.report(size, map.mean(), roughness, "quadrature", 0, quadrature);
+                (map, report)
+            }
+            Witness::Zonal(zonal) => {
+                let function = zonal.function(&kernel);
+                let map = gather(&|directions| function.values(directions), finished);
+                if function.degree == 0 {
+                    let report = self.report(size, map.mean(), roughness, "quadrature", 0, quadrature);
+                    return (map, report);
+                }
+                // A small cube of the same function tells where it is darkest.
+                let (rms, largest) = function.measure(&function.cube(MEASURED, &|_| {}));
+                let errors = (rms, largest.max(ZONAL_FLOOR));
+                let report = self.report(size, map.mean(), roughness, "zonal", 0, errors);
+                (map, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
+            }
+        }
     }
 
     /// A level whose texels are the values at their centres.
@@ -352,27 +491,30 @@ impl<'a> Filter<'a> {
         let Some(kernel) = kernel else {
             let cube = area_average(self.panorama, size);
             finished(cube.texels.len() as u64);
-            let report = self.report(&cube, roughness, "area-average", 0, (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND));
+            let report =
+                self.report(size, cube.mean(), roughness, "area-average", 0, (AREA_AVERAGE_BOUND, AREA_AVERAGE_BOUND));
             return (cube, report);
         };
         // (Irradiance is no reflection.)
         if let Some((view, monte_carlo)) = self.view.as_ref().filter(|_| kernel.kind() == KernelKind::G1) {
             let lobe = ViewLobe::new(kernel.alpha(), *view);
             let filtered = monte_carlo.filter(size, &lobe, self.samples, finished);
-            let errors = self.relative_errors(&filtered.cube, &filtered.standard_errors);
-            let report = self.report(&filtered.cube, roughness, "monte-carlo", filtered.samples, errors);
+            let errors = self.relative_errors(&filtered.cube.texels, &filtered.standard_errors);
+            let report = self.report(size, filtered.cube.mean(), roughness, "monte-carlo", filtered.samples, errors);
             return (filtered.cube, report);
         }
         match &self.witness {
             Witness::MonteCarlo(monte_carlo) => {
                 let filtered = monte_carlo.filter(size, &kernel, self.samples, finished);
-                let errors = self.relative_errors(&filtered.cube, &filtered.standard_errors);
-                let report = self.report(&filtered.cube, roughness, "monte-carlo", filtered.samples, errors);
+                let errors = self.relative_errors(&filtered.cube.texels, &filtered.standard_errors);
+                let report =
+                    self.report(size, filtered.cube.mean(), roughness, "monte-carlo", filtered.samples, errors);
                 (filtered.cube, report)
             }
             Witness::Quadrature(full_sum) => {
                 let cube = full_sum.filter(size, &kernel, finished);
-                let report = self.report(&cube, roughness, "quadrature", 0, (QUADRATURE_BOUND, QUADRATURE_BOUND));
+                let report =
+                    self.report(size, cube.mean(), roughness, "quadrature", 0, (QUADRATURE_BOUND, QUADRATURE_BOUND));
                 (cube, report)
             }
             Witness::Zonal(zonal) => {
@@ -380,22 +522,22 @@ impl<'a> Filter<'a> {
                 let cube = function.cube(size, finished);
                 if function.degree == 0 {
                     let errors = (QUADRATURE_BOUND, QUADRATURE_BOUND);
-                    let report = self.report(&cube, roughness, "quadrature", 0, errors);
+                    let report = self.report(size, cube.mean(), roughness, "quadrature", 0, errors);
                     return (cube, report);
                 }
                 let (rms, largest) = function.measure(&cube);
                 let errors = (rms, largest.max(ZONAL_FLOOR));
-                let report = self.report(&cube, roughness, "zonal", 0, errors);
+                let report = self.report(size, cube.mean(), roughness, "zonal", 0, errors);
                 (cube, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }
         }
     }
 
     /// Root mean square and maximum of error / max(|value|, floor).
-    fn relative_errors(&self, cube: &Cube, errors: &[[f32; 3]]) -> (f64, f64) {
+    fn relative_errors(&self, texels: &[[f32; 3]], errors: &[[f32; 3]]) -> (f64, f64) {
         let mean = self.panorama.mean();
         let (mut squares, mut largest) = (0.0, 0.0f64);
-        for (value, error) in cube.texels.iter().zip(errors) {
+        for (value, error) in texels.iter().zip(errors) {
             for c in 0..3 {
                 let scale = f64::from(value[c]).abs().max(DARK_FLOOR * mean[c].abs());
                 // A channel that is black everywhere has no error and no scale.
@@ -407,10 +549,18 @@ impl<'a> Filter<'a> {
         ((squares / (3 * errors.len()) as f64).sqrt(), largest)
     }
 
-    fn report(&self, cube: &Cube, roughness: f64, method: &str, samples: usize, errors: (f64, f64)) -> LevelReport {
-        let (mean, mean_deviation) = self.mean(cube);
+    fn report(
+        &self,
+        size: usize,
+        mean: [f64; 3],
+        roughness: f64,
+        method: &str,
+        samples: usize,
+        errors: (f64, f64),
+    ) -> LevelReport {
+        let (mean, mean_deviation) = self.mean(mean);
         LevelReport {
-            size: cube.size,
+            size,
             roughness,
             alpha: alpha_of_roughness(roughness),
             method: method.to_owned(),
@@ -427,8 +577,8 @@ impl<'a> Filter<'a> {
     }
 
     /// The mean over the sphere, and how far it is from the input's.
-    fn mean(&self, cube: &Cube) -> ([f64; 3], f64) {
-        let (mean, wanted) = (cube.mean(), self.panorama.mean());
+    fn mean(&self, mean: [f64; 3]) -> ([f64; 3], f64) {
+        let wanted = self.panorama.mean();
         let deviation = |c: usize| if wanted[c] == mean[c] { 0.0 } else { (mean[c] / wanted[c] - 1.0).abs() };
         (mean, (0..3).map(deviation).fold(0.0, f64::max))
     }

@@ -49,7 +49,7 @@ pub fn from_cube(cube: &Cube) -> Result<Panorama> {
     let edges = row_edges(height);
     let mean = cube.mean();
     let north = Grid::new(width, &edges, height);
-    let mut wedges = Wedges::new(&north);
+    let mut wedges = Steps::new(&north);
     for side in [0, 1, 4, 5] {
         let face = Face::new(cube, side, mean, false);
         wedges.add_lines(size, |k| {
@@ -60,7 +60,7 @@ pub fn from_cube(cube: &Cube) -> Result<Panorama> {
     add_top(&mut wedges, &Face::new(cube, 2, mean, false));
     let mut integrals = wedges.finish();
     let south = Grid::new(width, &edges, cap_rows(height));
-    let mut wedges = Wedges::new(&south);
+    let mut wedges = Steps::new(&south);
     add_top(&mut wedges, &Face::new(cube, 3, mean, true));
     for (row, line) in wedges.finish().chunks_exact(width).enumerate() {
         let start = (height - 1 - row) * width;
@@ -71,7 +71,7 @@ pub fn from_cube(cube: &Cube) -> Result<Panorama> {
 
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
-    let (low, high) = extremes(cube);
+    let (low, high) = extremes(&cube.texels);
     let column = TAU / width as f64;
     let texel = |(i, integral): (usize, &[f64; 3])| {
         let solid_angle = column * north.row_height(i / width);
@@ -80,9 +80,10 @@ pub fn from_cube(cube: &Cube) -> Result<Panorama> {
     Panorama::new(width, height, integrals.iter().enumerate().map(texel).collect())
 }
 
-fn extremes(cube: &Cube) -> ([f32; 3], [f32; 3]) {
+/// The smallest and the largest value of each channel.
+pub(super) fn extremes(texels: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for texel in &cube.texels {
+    for texel in texels {
         for c in 0..3 {
             (low[c], high[c]) = (low[c].min(texel[c]), high[c].max(texel[c]));
         }
@@ -90,7 +91,7 @@ fn extremes(cube: &Cube) -> ([f32; 3], [f32; 3]) {
     (low, high)
 }
 
-fn add_top(wedges: &mut Wedges, face: &Face) {
+fn add_top(wedges: &mut Steps, face: &Face) {
     let size = face.size;
     wedges.add_lines(size, |k| (top_circle(edge(size, k), true), face.step_left(k)));
     wedges.add_lines(size, |k| (top_circle(edge(size, k), false), face.step_down(k)));
@@ -134,13 +135,13 @@ fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// For each texel of a grid, what the texels above it in its column have more of than those below: 24 bytes a texel.
-struct Wedges<'a> {
+pub(super) struct Steps<'a> {
     grid: &'a Grid,
     steps: Vec<[f64; 3]>,
 }
 
-impl<'a> Wedges<'a> {
-    fn new(grid: &'a Grid) -> Self {
+impl<'a> Steps<'a> {
+    pub(super) fn new(grid: &'a Grid) -> Self {
         Self { grid, steps: vec![[0.0; 3]; grid.rows() * grid.width()] }
     }
 
@@ -163,7 +164,8 @@ impl<'a> Wedges<'a> {
         }
     }
 
-    fn add(&mut self, part: Part, step: [f64; 3]) {
+    /// Adds what lies between an arc and the pole, times a step of radiance.
+    pub(super) fn add(&mut self, part: Part, step: [f64; 3]) {
         let width = self.grid.width();
         let index = part.row * width + part.column;
         for (c, step) in step.into_iter().enumerate() {
@@ -176,7 +178,7 @@ impl<'a> Wedges<'a> {
     }
 
     /// The integrals over the texels.
-    fn finish(self) -> Vec<[f64; 3]> {
+    pub(super) fn finish(self) -> Vec<[f64; 3]> {
         let (width, rows) = (self.grid.width(), self.grid.rows());
         let mut sums = self.steps;
         for row in (0..rows.saturating_sub(1)).rev() {

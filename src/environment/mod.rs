@@ -8,7 +8,7 @@
 //! ([`chain`], with one of several kernels: [`kernel`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], which also sees lobes that are no kernels ([`view_lobe`]), and [`full_sum`]), the Lambert
 //! irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]), or those of more bands ([`sh_bands`]); [`sh_convention`] and [`orientation`] bring them to the form that an
-//! engine reads.
+//! engine reads. Chains and irradiance are cubes, or lie on a square ([`octahedral`]) or in a panorama ([`equirect`]): [`SphereLayout`].
 
 mod adjust;
 pub mod area_average;
@@ -16,6 +16,7 @@ pub mod builtin;
 mod cells;
 pub mod chain;
 pub mod cube;
+pub mod equirect;
 mod face_files;
 mod fit;
 pub mod from_cube;
@@ -25,6 +26,7 @@ pub mod kernel;
 pub mod layout;
 pub mod monte_carlo;
 pub mod nonnegative;
+pub mod octahedral;
 pub mod orientation;
 mod orientation_map;
 mod overlap;
@@ -39,6 +41,7 @@ pub mod sh_bands;
 pub mod sh_convention;
 pub mod sky;
 mod source;
+mod sphere_map;
 pub mod spherical_harmonics;
 mod sun;
 mod sun_disc;
@@ -67,6 +70,7 @@ pub use repair::{InputReport, Negatives, NonFinite};
 pub use seamless::CubeLookup;
 pub use sh_convention::ShConvention;
 pub use source::{BUILTIN_PREFIX, Reading, load};
+pub use sphere_map::{SphereLayout, SphereMap};
 pub use spherical_harmonics::SphericalHarmonics;
 pub use sun::{Sun, extract as extract_sun};
 pub use view_lobe::{View, ViewLobe, ViewMonteCarlo};

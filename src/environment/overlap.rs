@@ -6,6 +6,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use glam::DVec3;
+
 use super::cube::edge;
 
 /// Azimuth of the middle of each face beside the equator, in storage order (the faces at the poles have none).
@@ -116,6 +118,39 @@ impl Grid {
         for i in size / 2..size {
             let (t0, t1) = (edge(size, i).max(0.0), edge(size, i + 1));
             self.walk(circle, 1.0, [angle(t0), angle(t1)], 1.0, |part| visit(i, part));
+        }
+    }
+
+    /// The texels along the shorter arc of a great circle between two points (of any length) that both lie on the pole's side, y ≥ 0;
+    /// lengths are positive where φ grows.
+    pub(super) fn along_arc(&self, from: DVec3, to: DVec3, mut visit: impl FnMut(Part)) {
+        /// A tilt of the circle's plane that is rounding: points on the equator are known to 1e-14.
+        const FLAT: f64 = 1e-11;
+        let normal = from.cross(to);
+        let (tilt, up) = (normal.x.hypot(normal.z), normal.y.abs());
+        if up == 0.0 {
+            return; // a meridian: φ stays
+        }
+        let azimuth = |point: DVec3| point.z.atan2(point.x);
+        let (a, centre) = if tilt <= FLAT * up {
+            (0.0, azimuth(from))
+        } else {
+            (tilt, (-normal.z * normal.y.signum()).atan2(-normal.x * normal.y.signum()))
+        };
+        let circle = Circle { a, b: up, centre };
+        let turn = |point: DVec3| {
+            let psi = azimuth(point) - centre;
+            psi - TAU * (psi / TAU).round()
+        };
+        // The half of a tilted circle above the equator ends a quarter of a turn from its highest point, but for rounding.
+        let most = if a > 0.0 { FRAC_PI_2 } else { PI };
+        let [start, end] = [from, to].map(|point| turn(point).clamp(-most, most));
+        let (low, high, sign) = if start < end { (start, end, 1.0) } else { (end, start, -1.0) };
+        if low < 0.0 {
+            self.walk(&circle, -1.0, [(-high).max(0.0), -low], sign, &mut visit);
+        }
+        if high > 0.0 {
+            self.walk(&circle, 1.0, [low.max(0.0), high], sign, &mut visit);
         }
     }
 

@@ -155,6 +155,24 @@ impl Panorama {
         self.texels[row * self.width + column]
     }
 
+    /// What a sampler shows from a direction: bilinear filtering around the world, ending at the poles.
+    pub fn filtered(&self, direction: DVec3) -> [f64; 3] {
+        let u = 0.5 + direction.z.atan2(direction.x) / TAU;
+        let v = direction.x.hypot(direction.z).atan2(direction.y) / PI;
+        let [x, y] = [u * self.width as f64 - 0.5, v * self.height as f64 - 0.5];
+        let (s, t) = (x - x.floor(), y - y.floor());
+        let at = |i: isize, j: isize| {
+            let column = (x.floor() as isize + i).rem_euclid(self.width as isize) as usize;
+            let row = (y.floor() as isize + j).clamp(0, self.height as isize - 1) as usize;
+            self.texels[row * self.width + column].map(f64::from)
+        };
+        let taps = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+        std::array::from_fn(|c| {
+            let line = |i: usize| taps[i][c] + s * (taps[i + 1][c] - taps[i][c]);
+            line(0) + t * (line(2) - line(0))
+        })
+    }
+
     /// Mean radiance over the sphere, weighted by solid angle. A constant panorama has exactly its constant.
     pub fn mean(&self) -> [f64; 3] {
         self.mean

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::chain::DARK_FLOOR;
 use super::cube::{Cube, FACES, face_point, locate, nearest_texel, texel_direction};
 use super::orientation::Orientation;
+use super::sphere_map::SphereMap;
 use super::zonal::Function;
 
 /// Texels and their weights, which sum to 1. At a corner the last has no weight.
@@ -166,16 +167,36 @@ impl Probe {
         Self { directions, weights, truth, mean }
     }
 
-    /// How far a cube is from the function.
-    pub fn judge(&self, cube: &Cube) -> CubeLookup {
-        self.judge_turned(cube, Orientation::default())
+    /// The same for a map of any layout, which is turned.
+    pub(super) fn of_map(
+        function: &Function,
+        map: &SphereMap,
+        orientation: &Orientation,
+        mean: [f64; 3],
+        seed: u64,
+    ) -> Self {
+        let (mut directions, mut weights) = points(seed);
+        let close = around_bends_of_map(map, mean);
+        weights.resize(weights.len() + close.len(), 0.0);
+        directions.extend(close.into_iter().map(|direction| orientation.world(direction)));
+        let truth = function.values(&directions);
+        Self { directions, weights, truth, mean }
     }
 
-    /// The same of a cube that is turned: places are the world's, the face is the cube's.
-    pub fn judge_turned(&self, cube: &Cube, orientation: Orientation) -> CubeLookup {
+    /// How far a cube is from the function.
+    pub fn judge(&self, cube: &Cube) -> CubeLookup {
+        self.judge_by(|direction| cube.filtered(direction), Orientation::default())
+    }
+
+    /// The same of a map that is turned: places are the world's, the face is that of the vector that is looked up.
+    pub fn judge_turned(&self, map: &SphereMap, orientation: Orientation) -> CubeLookup {
+        self.judge_by(|direction| map.filtered(direction), orientation)
+    }
+
+    fn judge_by(&self, filtered: impl Fn(DVec3) -> [f64; 3] + Sync, orientation: Orientation) -> CubeLookup {
         let errors: Vec<[f64; 3]> = (self.directions.par_iter().zip(&self.truth))
             .map(|(direction, truth)| {
-                let seen = cube.filtered(orientation.lookup(*direction));
+                let seen = filtered(orientation.lookup(*direction));
                 std::array::from_fn(|c| {
                     let scale = truth[c].abs().max(DARK_FLOOR * self.mean[c].abs());
                     if seen[c] == truth[c] { 0.0 } else { (seen[c] - truth[c]).abs() / scale }
@@ -226,34 +247,62 @@ fn points(seed: u64) -> (Vec<DVec3>, Vec<f64>) {
 /// Texels that are looked at closely.
 const CLOSE: usize = 48;
 
+/// Of a map that is no cube, as the vectors that are looked up: see [`around_bends`].
+fn around_bends_of_map(map: &SphereMap, mean: [f64; 3]) -> Vec<DVec3> {
+    let (layout, size) = (map.layout, map.size);
+    let ([width, _], _) = layout.shape(size);
+    let bend = |i: usize| {
+        let (column, row) = ((i % width) as isize, (i / width) as isize);
+        let value = |x: isize, y: isize| map.texels[layout.texel(size, column + x, row + y)];
+        largest_bend(map.texels[i], &[(value(-1, 0), value(1, 0)), (value(0, -1), value(0, 1))], mean)
+    };
+    let mut directions = vec![];
+    for texel in most_bent(map.texels.len(), bend) {
+        let [x, y] = [texel % width, texel / width].map(|i| i as f64);
+        for (i, j) in [-0.5, 0.0, 0.5].into_iter().flat_map(|j| [-0.5, 0.0, 0.5].map(|i| (i, j))) {
+            directions.push(layout.direction_at(size, [x + i, y + j]));
+        }
+    }
+    directions
+}
+
+/// h² f″ along either axis, in parts of the value: of a texel between pairs of neighbours.
+fn largest_bend(texel: [f32; 3], pairs: &[([f32; 3], [f32; 3]); 2], mean: [f64; 3]) -> f64 {
+    let mut largest = 0.0_f64;
+    for c in 0..3 {
+        let middle = f64::from(texel[c]);
+        let scale = middle.abs().max(DARK_FLOOR * mean[c].abs()).max(f64::MIN_POSITIVE);
+        for (a, b) in pairs {
+            largest = largest.max((f64::from(a[c]) + f64::from(b[c]) - 2.0 * middle).abs() / scale);
+        }
+    }
+    largest
+}
+
+/// The texels with the largest bends, in their order.
+fn most_bent(n_texels: usize, bend: impl Fn(usize) -> f64 + Sync) -> Vec<usize> {
+    let mut bends: Vec<(f64, usize)> = (0..n_texels).into_par_iter().map(|i| (bend(i), i)).collect();
+    let n = CLOSE.min(bends.len());
+    bends.select_nth_unstable_by(n - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut chosen: Vec<usize> = bends[..n].iter().map(|bend| bend.1).collect();
+    chosen.sort_unstable();
+    chosen
+}
+
 /// Points around the texels where the cube bends most, and blending does worst: at the centre, which fitting moves, and half a texel
 /// away in either direction, where exact texels are furthest off.
 fn around_bends(cube: &Cube, mean: [f64; 3]) -> Vec<DVec3> {
     let (size, area) = (cube.size, cube.size * cube.size);
-    // h² f″ along either axis, in parts of the value.
     let bend = |i: usize| {
         let (face, row, column) = (i / area, (i / size % size) as isize, (i % size) as isize);
         let value = |column: isize, row: isize| cube.texels[texel(size, face, column, row).unwrap_or(i)];
         let pairs =
             [(value(column - 1, row), value(column + 1, row)), (value(column, row - 1), value(column, row + 1))];
-        let mut largest = 0.0_f64;
-        for c in 0..3 {
-            let middle = f64::from(cube.texels[i][c]);
-            let scale = middle.abs().max(DARK_FLOOR * mean[c].abs()).max(f64::MIN_POSITIVE);
-            for (a, b) in &pairs {
-                largest = largest.max((f64::from(a[c]) + f64::from(b[c]) - 2.0 * middle).abs() / scale);
-            }
-        }
-        largest
+        largest_bend(cube.texels[i], &pairs, mean)
     };
-    let mut bends: Vec<(f64, usize)> = (0..cube.texels.len()).into_par_iter().map(|i| (bend(i), i)).collect();
-    let n = CLOSE.min(bends.len());
-    bends.select_nth_unstable_by(n - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut chosen: Vec<usize> = bends[..n].iter().map(|bend| bend.1).collect();
-    chosen.sort_unstable();
     let half = 1.0 / size as f64;
     let mut directions = vec![];
-    for texel in chosen {
+    for texel in most_bent(cube.texels.len(), bend) {
         let (face, u, v) = locate(texel_direction(size, texel));
         for (i, j) in [-1.0, 0.0, 1.0].into_iter().flat_map(|j| [-1.0, 0.0, 1.0].map(|i| (i, j))) {
             directions.push(face_point(face, u + half * i, v + half * j).normalize());

@@ -13,9 +13,11 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::cube::{Cube, texel_direction};
+use super::cube::Cube;
 use super::nonnegative::nonnegative;
+use super::orientation::Orientation;
 use super::panorama::Panorama;
+use super::sphere_map::SphereMap;
 
 /// Nine RGB coefficients.
 pub type Coefficients = [[f64; 3]; 9];
@@ -170,13 +172,18 @@ pub fn judge(coefficients: &Coefficients, exact: &Cube) -> IrradianceFit {
 
 /// Compares any function of the direction with an exact irradiance cube, at its texel centres.
 pub fn judge_function(function: &dyn Fn(DVec3) -> [f64; 3], exact: &Cube) -> IrradianceFit {
-    let weights = super::cube::solid_angles(exact.size);
+    judge_map(function, &exact.clone().into(), &Orientation::default())
+}
+
+/// The same of a map of any layout, turned; the function is one of the world's direction.
+pub fn judge_map(function: &dyn Fn(DVec3) -> [f64; 3], exact: &SphereMap, orientation: &Orientation) -> IrradianceFit {
+    let weights = exact.layout.solid_angles(exact.size);
     let (mut min, mut max) = (f64::INFINITY, 0.0f64);
     let (mut errors, mut squares) = (0.0, 0.0);
     let floor = 1e-3 * exact.texels.iter().flatten().fold(0.0, |m, v| f64::max(m, f64::from(v.abs())));
     for (index, texel) in exact.texels.iter().enumerate() {
-        let fit = function(texel_direction(exact.size, index));
-        let weight = weights[index % weights.len()];
+        let fit = function(orientation.world(exact.direction(index)));
+        let weight = weights[index];
         for c in 0..3 {
             let wanted = f64::from(texel[c]);
             let error = fit[c] - wanted;
@@ -194,6 +201,7 @@ pub fn judge_function(function: &dyn Fn(DVec3) -> [f64; 3], exact: &Cube) -> Irr
 
 #[cfg(test)]
 mod tests {
+    use super::super::cube::texel_direction;
     use super::super::test_maps::random;
     use super::*;
 

@@ -34,7 +34,8 @@ const WRITER_KEY: &str = "KTXwriter";
 /// The key of what codes of four bytes stand for.
 pub(super) const PACKING_KEY: &str = "kiln.packing";
 
-/// How hard Zstandard tries: beyond this the files stay as large and take several times as long.
+/// How hard Zstandard tries. Measured on half-float and RGB9E5 environments and a DFG of 60 KB to 1 MB: at 9 the levels are 6 to 19 % larger, and done in
+/// a twentieth of the time (which at 19 is 0.6 s a megabyte); at 22 they are the same to the byte.
 const ZSTD_LEVEL: i32 = 19;
 
 /// The keys beginning with `KTX` that the specification defines for text; others are reserved.

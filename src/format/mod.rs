@@ -263,6 +263,9 @@ pub fn encode(spec: FormatSpec, texture: &Texture) -> Result<Vec<u8>> {
 pub fn decode(bytes: &[u8]) -> Result<Decoded> {
     match FileKind::of(bytes) {
         FileKind::Exr => {
+            if let Some(texture) = exr::decode_texture(bytes)? {
+                return Ok(Decoded::Texture(texture));
+            }
             let (image, number) = exr::decode_with_number(bytes)?;
             let format = TexelFormat::Plain { channels: image.channels.len(), number };
             Ok(Decoded::Picture(image, format))

@@ -141,7 +141,22 @@ impl Container {
 
     /// Whether it holds cubes and mips.
     pub fn has_cubes(self) -> bool {
-        matches!(self, Self::Ktx2 | Self::Ktx1 | Self::Dds | Self::Env)
+        matches!(self, Self::Exr | Self::Ktx2 | Self::Ktx1 | Self::Dds | Self::Env)
+    }
+
+    /// Whether it holds pictures that others show as such.
+    pub fn has_pictures(self) -> bool {
+        matches!(self, Self::Exr | Self::Ktx2 | Self::Ktx1 | Self::Dds | Self::Hdr | Self::Png)
+    }
+
+    /// Whether it holds the layers of an array texture.
+    pub fn has_arrays(self) -> bool {
+        matches!(self, Self::Ktx2 | Self::Ktx1 | Self::Dds)
+    }
+
+    /// Whether it holds smaller levels of a picture beside it.
+    pub fn has_mips(self) -> bool {
+        matches!(self, Self::Exr | Self::Ktx2 | Self::Ktx1 | Self::Dds | Self::Env)
     }
 
     /// Whether it holds three axes as they are.

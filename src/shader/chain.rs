@@ -1,6 +1,7 @@
 //! Looking up an environment: which level, in which direction.
 
 use super::code::{Function, Item, Statement, Type};
+use super::flat::{Lookup, Map};
 use super::{Shader, harmonics, packing};
 use crate::certificate::Certificate;
 use crate::environment::Orientation;
@@ -59,15 +60,16 @@ pub(super) fn shader(
     certificate: &Certificate,
     sh: Option<&SphericalHarmonics>,
 ) -> Result<Shader> {
-    let function = |end: &str, comment: &str, parameters: &[(&str, Type)], result: Type, value: String| {
+    let function = |end: &str, comment: &str, parameters: &[(&str, Type)], result: Type, body: Vec<Statement>| {
         Item::Function(Function {
             comment: comment.to_owned(),
             name: format!("{name}_{end}"),
             parameters: parameters.iter().map(|(name, of)| ((*name).to_owned(), of.clone())).collect(),
             result,
-            body: vec![Statement::Return(value)],
+            body,
         })
     };
+    let value = |value: String| vec![Statement::Return(value)];
     let roughness = recipe.level_roughness();
     let level = level_of_roughness(&roughness)?;
     let [specular_texel, irradiance_texel] = [recipe.format, recipe.format_of_irradiance()].map(|f| f.texel(3));
@@ -81,56 +83,59 @@ pub(super) fn shader(
         }
         _ => (specular_decoder.is_some().then_some("decode"), None),
     };
-    let sample = |decode: Option<&str>, texture: &str, direction: &str, level: &str| {
-        let texel = format!("sample({texture}, {name}_direction({direction}), {level})");
-        decode.map_or_else(|| format!("{texel}.xyz"), |decode| format!("{name}_{decode}({texel})"))
-    };
-    let specular_decode = specular_decoder.is_some().then_some("decode");
-    let specular = sample(specular_decode, "specular", "mirror", &format!("{name}_level(roughness)"));
+    let lookup = Lookup { name, layout: recipe.layout };
+    let sizes = (0..roughness.len()).map(|level| recipe.size >> level).collect();
+    let specular = Map { texture: "specular", decode: specular_decoder.is_some().then_some("decode"), sizes };
+    let own = Map { texture: "irradiance", decode: irradiance_decode, sizes: vec![recipe.irradiance_size] };
     let mut items: Vec<Item> = [specular_decoder, irradiance_decoder].into_iter().flatten().collect();
+    let noun = recipe.layout.noun();
     items.extend([
         function(
             "direction",
-            "The vector to look up in the cubes for a direction of the world, which is right-handed, +Y up.",
+            &format!("The vector to look up in the {noun}s for a direction of the world, which is right-handed, +Y up."),
             &[("direction", Type::Vec3)],
             Type::Vec3,
-            lookup_vector(&recipe.orientation),
+            value(lookup_vector(&recipe.orientation)),
         ),
         function(
             "level",
-            "The level of the specular cube that is filtered for a roughness (of the artist's kind: alpha = roughness^2).",
+            &format!(
+                "The level of the specular {noun} that is filtered for a roughness (of the artist's kind: alpha = roughness^2)."
+            ),
             &[("roughness", Type::Float)],
             Type::Float,
-            level.to_string(),
-        ),
-        function(
-            "specular",
-            "The environment in a mirror direction as a surface of that roughness reflects it.",
-            &[("specular", Type::Cube), ("mirror", Type::Vec3), ("roughness", Type::Float)],
-            Type::Vec3,
-            specular,
+            value(level.to_string()),
         ),
     ]);
+    let with_own = recipe.irradiance == IrradianceKind::Cube;
+    items.extend(lookup.items(&[&specular, if with_own { &own } else { &specular }]));
+    items.push(function(
+        "specular",
+        "The environment in a mirror direction as a surface of that roughness reflects it.",
+        &[("specular", lookup.texture()), ("mirror", Type::Vec3), ("roughness", Type::Float)],
+        Type::Vec3,
+        lookup.body(&specular, "mirror", &format!("{name}_level(roughness)")),
+    ));
     items.extend(harmonics::items(name, sh.map(|sh| (sh, certificate.sh))));
     let last = roughness.len().saturating_sub(1);
     items.extend(match recipe.irradiance {
         IrradianceKind::Cube => Some(function(
             "irradiance",
-            "Irradiance over pi, of the irradiance cube: times the albedo it is what a diffuse surface reflects.",
-            &[("irradiance", Type::Cube), ("normal", Type::Vec3)],
+            &format!("Irradiance over pi, of the irradiance {noun}: times the albedo it is what a diffuse surface reflects."),
+            &[("irradiance", lookup.texture()), ("normal", Type::Vec3)],
             Type::Vec3,
-            sample(irradiance_decode, "irradiance", "normal", "0.0"),
+            lookup.body(&own, "normal", "0.0"),
         )),
         IrradianceKind::LastLevel => Some(function(
             "irradiance",
             &format!(
-                "What stands for irradiance over pi: the last level of the specular cube, of roughness {}. Irradiance itself is of\n\
+                "What stands for irradiance over pi: the last level of the specular {noun}, of roughness {}. Irradiance itself is of\n\
                  roughness 1.",
                 literal(roughness[last])
             ),
-            &[("specular", Type::Cube), ("normal", Type::Vec3)],
+            &[("specular", lookup.texture()), ("normal", Type::Vec3)],
             Type::Vec3,
-            sample(specular_decode, "specular", "normal", &literal(last as f64)),
+            lookup.body(&specular, "normal", &literal(last as f64)),
         )),
         // Nothing is known of coefficients that the application hands over: they have their own function.
         IrradianceKind::Sh => sh.map(|_| {
@@ -139,12 +144,12 @@ pub(super) fn shader(
                 "Irradiance over pi: times the albedo it is what a diffuse surface reflects.",
                 &[("normal", Type::Vec3)],
                 Type::Vec3,
-                format!("{name}_sh(normal)"),
+                value(format!("{name}_sh(normal)")),
             )
         }),
         IrradianceKind::None => None,
     });
-    Ok(Shader { head: head(recipe, certificate), items })
+    Ok(Shader { head: head(recipe, certificate, &lookup), items })
 }
 
 /// The vector to look up for the world's `direction`: the inverse of what the cube was turned by.
@@ -159,25 +164,27 @@ fn lookup_vector(orientation: &Orientation) -> String {
     format!("vec3({})", lookup.join(", "))
 }
 
-fn head(recipe: &EnvironmentRecipe, certificate: &Certificate) -> String {
+fn head(recipe: &EnvironmentRecipe, certificate: &Certificate, lookup: &Lookup) -> String {
+    let noun = recipe.layout.noun();
     let mut head = format!(
         "The environment {}, {}; code by Kiln {}, from their certificate.\n\n",
         recipe.input,
         match (recipe.format, recipe.format_of_irradiance()) {
             (own, other) if recipe.irradiance == IrradianceKind::Cube && own != other =>
-                format!("specular cube of {own}, irradiance cube of {other}"),
-            (own, _) if recipe.irradiance == IrradianceKind::Cube => format!("cubes of {own}"),
-            (own, _) => format!("specular cube of {own}"),
+                format!("specular {noun} of {own}, irradiance {noun} of {other}"),
+            (own, _) if recipe.irradiance == IrradianceKind::Cube => format!("{noun}s of {own}"),
+            (own, _) => format!("specular {noun} of {own}"),
         },
         env!("CARGO_PKG_VERSION")
     );
     for level in &certificate.levels {
+        let ([width, height], _) = recipe.layout.shape(level.size);
         head += &format!(
-            "{}: {} x {}, roughness {}, texels within {:.1e} of max(value, 1e-3 of the mean)\n",
-            level.name, level.size, level.size, level.roughness, level.max_error
+            "{}: {width} x {height}, roughness {}, texels within {:.1e} of max(value, 1e-3 of the mean)\n",
+            level.name, level.roughness, level.max_error
         );
     }
-    head + "\nSampler: linear filter, also between levels; seamless across faces.\n"
+    head + &format!("\nSampler: {}\n", lookup.sampler())
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Functions written once, and printed in each shading language.
 //!
 //! A body's formulas are text that the three languages share, but for the words that [`translate`] knows: `vec2`, `vec3`, `vec4`,
-//! `mix`; `sample(texture, coordinates, level)`, which looks up a texture; and `pass(texture)`, which hands one on.
+//! `mix`, `atan2`; `sample(texture, coordinates, level)`, which looks up a texture; `sample_layer(texture, coordinates,
+//! layer)`; and `pass(texture)`, which hands one on.
 
 use crate::language::Language;
 
@@ -16,6 +17,8 @@ pub(super) enum Type {
     Struct(String),
     /// A two-dimensional texture and its sampler.
     Texture2,
+    /// The same with layers.
+    Texture2Array,
     /// The same in three dimensions.
     Texture3,
     /// The same of six faces.
@@ -115,6 +118,7 @@ impl Type {
             Self::Struct(name) => [name.as_str(); 3],
             // Of samplers, GLSL ES keeps only eight bits of a value unless told otherwise.
             Self::Texture2 => ["highp sampler2D", "Texture2D<float4>", "texture_2d<f32>"],
+            Self::Texture2Array => ["highp sampler2DArray", "Texture2DArray<float4>", "texture_2d_array<f32>"],
             Self::Texture3 => ["highp sampler3D", "Texture3D<float4>", "texture_3d<f32>"],
             Self::Cube => ["highp samplerCube", "TextureCube<float4>", "texture_cube<f32>"],
             Self::NineColours => ["vec3", "float3", "array<vec3f, 9>"],
@@ -128,7 +132,7 @@ impl Type {
 
     fn parameter(&self, name: &str, language: Language) -> String {
         let of = self.name(language);
-        let is_texture = matches!(self, Self::Texture2 | Self::Texture3 | Self::Cube);
+        let is_texture = matches!(self, Self::Texture2 | Self::Texture2Array | Self::Texture3 | Self::Cube);
         match language {
             Language::Glsl | Language::Hlsl if *self == Self::NineColours => format!("{of} {name}[9]"),
             Language::Hlsl if is_texture => format!("{of} {name}, SamplerState {name}_sampler"),
@@ -157,6 +161,20 @@ fn translate(formula: &str, language: Language) -> String {
             ("vec2" | "vec3" | "vec4", Language::Hlsl) => text += &word.replace("vec", "float"),
             ("vec2" | "vec3" | "vec4", Language::Wgsl) => text += &format!("{word}f"),
             ("mix", Language::Hlsl) => text += "lerp",
+            ("atan2", Language::Glsl) => text += "atan",
+            // Its arguments are three names or literals.
+            ("sample_layer", _) => {
+                let end = rest.find(')').map_or(rest.len(), |i| i + 1);
+                let arguments: Vec<&str> = rest[1..end - 1].split(',').map(str::trim).collect();
+                if let [name, at, layer] = arguments[..] {
+                    text += &match language {
+                        Language::Glsl => format!("textureLod({name}, vec3({at}, {layer}.0), 0.0)"),
+                        Language::Hlsl => format!("{name}.SampleLevel({name}_sampler, float3({at}, {layer}.0), 0.0)"),
+                        Language::Wgsl => format!("textureSampleLevel({name}, {name}_sampler, {at}, {layer}, 0.0)"),
+                    };
+                }
+                rest = &rest[end..];
+            }
             ("sample" | "pass", _) => {
                 // Both are followed by a bracket and the name of a texture.
                 let name_end = rest[1..].find(|c| !is_word(c)).map_or(rest.len(), |i| i + 1);

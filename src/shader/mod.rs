@@ -2,7 +2,7 @@
 //!
 //! Where a texel lies is not known here: the axis writes the formula from a parameter to a texture coordinate
 //! ([`Axis::coordinate`]), the arrangement that of an atlas ([`Arrangement::atlas_coordinate`]). What is known here is how functions
-//! are called and put together: `table` for a table, `energy` for what is done with its values, `packing` for texels that are codes, `chain` and `harmonics`
+//! are called and put together: `table` for a table, `energy` for what is done with its values, `packing` for texels that are codes, `chain`, `flat` (no cubes) and `harmonics`
 //! for an environment; `code` prints them in each language.
 //!
 //! Every name begins with that of the file, so that the code of several files can stand in one shader.
@@ -13,6 +13,7 @@
 mod chain;
 mod code;
 mod energy;
+mod flat;
 mod harmonics;
 mod identifier;
 mod packing;

@@ -21,6 +21,8 @@ struct Names<'a> {
     arrangement: Arrangement,
     /// Whether texels are codes.
     is_coded: bool,
+    /// Which layer of an array texture it is.
+    layer: Option<usize>,
 }
 
 pub(super) fn shader(name: &str, recipe: &TableRecipe, certificate: &Certificate) -> Result<Shader> {
@@ -35,6 +37,7 @@ pub(super) fn shader(name: &str, recipe: &TableRecipe, certificate: &Certificate
         transforms: spec.channels.iter().map(|c| c.transform).collect(),
         arrangement: recipe.arrangement()?,
         is_coded: decoder.is_some(),
+        layer: certificate.layer,
     };
     let mut items = vec![names.structure(), names.coordinate()];
     items.extend(decoder);
@@ -93,6 +96,9 @@ impl Names<'_> {
             head += &format!("{} is {value}\n", parameter.shader_name());
         }
         head += "\nSampler: linear filter, clamped to the edge, no mips.";
+        if let Some(layer) = self.layer {
+            head += &format!(" The table is layer {layer} of an array texture.");
+        }
         if self.arrangement.is_layered() {
             head += " The slices of the file go into a 3D texture, the first one first.";
         }
@@ -182,7 +188,11 @@ impl Names<'_> {
     }
 
     fn lookup(&self) -> Item {
-        let texture = if self.is_volume() { Type::Texture3 } else { Type::Texture2 };
+        let texture = match self.layer {
+            Some(_) => Type::Texture2Array,
+            None if self.is_volume() => Type::Texture3,
+            None => Type::Texture2,
+        };
         let textures = (0..self.n_textures()).map(|i| (self.texture(i), texture.clone()));
         let at = if self.axes.len() == 3 { Type::Vec3 } else { Type::Vec2 };
         let let_ = |name: &str, of: Type, value: String| Statement::Let(name.to_owned(), of, value);
@@ -238,7 +248,10 @@ impl Names<'_> {
 
     /// The values at a place.
     fn sample(&self, texture: &str, at: &str) -> String {
-        let texel = format!("sample({texture}, {at}, 0.0)");
+        let texel = match self.layer {
+            Some(layer) => format!("sample_layer({texture}, {at}, {layer})"),
+            None => format!("sample({texture}, {at}, 0.0)"),
+        };
         if self.is_coded { format!("vec4({}_decode({texel}), 1.0)", self.name) } else { texel }
     }
 

@@ -6,8 +6,9 @@ use crate::certificate::{self, Certificate};
 use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
 use crate::environment::{CubeLookup, KernelKind, Panorama, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
-use crate::format::Texture;
-use crate::recipe::{EnvironmentRecipe, cube_texel};
+use crate::format::{Image, Texture};
+use crate::pack::{Number, TexelFormat};
+use crate::recipe::{EnvironmentRecipe, map_texel};
 use glam::DVec3;
 use std::path::Path;
 
@@ -23,15 +24,25 @@ pub(super) fn verify(
     let panorama = again.as_ref().map(|source| source.panorama.clone());
     let mut report =
         Report { file: path.to_owned(), claim: String::new(), checks: vec![], skipped, ..Report::default() };
-    match content {
-        Content::Texture(texture) => {
+    let picture = match content {
+        Content::Picture(image) if !recipe.layout.is_cube() => Some(texture_of(image).map_err(|e| e.in_file(path))?),
+        _ => None,
+    };
+    let texture = match content {
+        Content::Texture(texture) => Some(texture),
+        _ => picture.as_ref(),
+    };
+    match (content, texture) {
+        (_, Some(texture)) => {
             let levels = levels(path, texture, certificate, recipe).map_err(|e| e.in_file(path))?;
             let digest = texel_digest(levels.iter().map(|l| l.texels.as_flattened()));
             report.checks.extend(digest_check(path, certificate, &digest));
             let is_irradiance = levels[0].name == IRRADIANCE;
-            let format = cube_texel(if is_irradiance { recipe.format_of_irradiance() } else { recipe.format })?;
+            let own = if is_irradiance { recipe.format_of_irradiance() } else { recipe.format };
+            let format = map_texel(own, recipe.layout)?;
             let precision = precision(format, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
-            let judged = EnvironmentValues { levels: &levels, precision, orientation: recipe.orientation };
+            let (layout, orientation) = (recipe.layout, recipe.orientation);
+            let judged = EnvironmentValues { levels: &levels, layout, precision, orientation };
             report
                 .checks
                 .extend(judged.facts(certificate.input.as_ref().is_none_or(|i| i.negative + i.out_of_gamut > 0)));
@@ -41,7 +52,7 @@ pub(super) fn verify(
                 report.checks.extend(judged.against(panorama, seed, options.full));
             }
             let names: Vec<String> =
-                levels.iter().map(|l| format!("{}² at roughness {}", l.size, l.roughness)).collect();
+                levels.iter().map(|l| format!("{} at roughness {}", layout.size_text(l.size), l.roughness)).collect();
             let kind = match recipe.kernel {
                 _ if is_irradiance => "irradiance E/π".to_owned(),
                 KernelKind::Nol => "specular chain".to_owned(),
@@ -52,9 +63,10 @@ pub(super) fn verify(
                     None => format!("specular chain ({})", other.name()),
                 },
             };
+            let kind = if layout.is_cube() { kind } else { format!("{kind} as {}", layout.article()) };
             report.claim = format!("{kind} of {}: {}", recipe.input, names.join(", "));
         }
-        Content::Json(value) if value["schema"] == SUN_SCHEMA => {
+        (Content::Json(value), _) if value["schema"] == SUN_SCHEMA => {
             report.claim = format!("sun of {}", recipe.input);
             let file: SunFile = serde_json::from_value(value.clone())
                 .map_err(|e| Error::invalid(format!("not a sun: {e}"), "bake it again").in_file(path))?;
@@ -87,7 +99,7 @@ pub(super) fn verify(
                 ));
             }
         }
-        Content::Json(value) => {
+        (Content::Json(value), _) => {
             report.claim = format!("spherical harmonics of {}", recipe.input);
             let sh: ShFile = serde_json::from_value(value.clone())
                 .map_err(|e| Error::invalid(format!("not spherical harmonics: {e}"), "bake it again").in_file(path))?;
@@ -95,9 +107,9 @@ pub(super) fn verify(
             report.checks.extend(digest_check(path, certificate, &certificate::digest([bytes.as_slice()])));
             report.checks.extend(panorama.as_ref().map(|p| harmonics(&sh, recipe, p)));
         }
-        Content::Picture(_) | Content::Array(_) | Content::Raw(_) => {
+        _ => {
             return Err(Error::invalid(
-                "no texture, where the certificate says a cube",
+                "no texture, where the certificate says an environment",
                 "give the environment's own file",
             )
             .in_file(path));
@@ -121,6 +133,14 @@ fn source_again(certificate: &Certificate, recipe: &EnvironmentRecipe) -> (Optio
     }
 }
 
+/// A picture's colours as a texture of one level.
+fn texture_of(image: &Image) -> Result<Texture> {
+    let rgb = image.rgb()?;
+    let format = TexelFormat::Plain { channels: 3, number: Number::F32 };
+    let (texture, _) = Texture::flat(format, image.width, image.height, rgb.as_flattened())?;
+    Ok(Texture { metadata: image.metadata.clone(), ..texture })
+}
+
 /// The cubes of a texture, with what the certificate claims of each.
 fn levels(
     path: &Path,
@@ -136,14 +156,14 @@ fn levels(
         texture.metadata(certificate::CONTENT_KEY).map_or_else(by_name, |content| content == IRRADIANCE);
     let claimed = if is_irradiance { irradiance } else { specular };
     let shape = |n: usize| format!("{n} levels of {} faces from {} × {}", texture.faces, texture.width, texture.height);
-    if texture.faces != 6
-        || texture.levels.len() != claimed.len()
-        || claimed.first().is_none_or(|l| texture.width != l.size)
-    {
+    let layout = recipe.layout;
+    let found = ([texture.width, texture.height], texture.faces);
+    if texture.levels.len() != claimed.len() || claimed.first().is_none_or(|l| found != layout.shape(l.size)) {
         return Err(Error::invalid(
             format!(
-                "{}, where the certificate says a cube chain from {} or {}",
+                "{}, where the certificate says a {} chain from {} or {}",
                 shape(texture.levels.len()),
+                layout.noun(),
                 recipe.size,
                 recipe.irradiance_size
             ),
@@ -154,14 +174,14 @@ fn levels(
         .iter()
         .enumerate()
         .map(|(m, level)| {
-            let [size, _] = texture.level_size(m);
+            let [_, size] = texture.level_size(m);
             let mut texels = vec![];
-            for face in 0..6 {
+            for face in 0..texture.faces {
                 let values = texture.face(m, face).unwrap_or_default();
                 texels.extend(values.chunks_exact(texture.format.channels()).map(|t| [t[0], t[1], t[2]]));
             }
             let wanted = if level.name == IRRADIANCE { 1.0 } else { roughness.get(m).copied().unwrap_or(f64::NAN) };
-            if texels.len() != 6 * size * size || level.roughness != wanted {
+            if texels.len() != layout.texels(size) || level.roughness != wanted {
                 return Err(Error::invalid(format!("level {m} is not what the certificate says"), "bake it again"));
             }
             // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.

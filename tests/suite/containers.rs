@@ -6,6 +6,7 @@ use crate::support::samples::Random;
 use crate::support::tools;
 use kiln::bake;
 use kiln::convert::{Conversion, Shape, convert};
+use kiln::environment::{SphereLayout, SphereMap};
 use kiln::format::{self, Container, Decoded, FormatSpec, Texture, Variant, dds, hdr, ktx2};
 use kiln::pack::{Number, TexelFormat, bc6h};
 use kiln::recipe::{EnvironmentRecipe, TableRecipe};
@@ -92,7 +93,8 @@ fn what_a_container_has_no_place_for_is_refused_with_those_that_have() {
     for (name, kind) in [("hdr", "cube"), ("png:rgb8unorm", "array"), ("exr:f32", "volume")] {
         let spec: FormatSpec = name.parse().unwrap();
         let message = format::encode(spec, &texture(kind, spec.texel(3).unwrap())).unwrap_err().to_string();
-        assert!(message.contains("which holds one picture; use ktx2, ktx1 or dds"), "{message}");
+        let why = if name == "exr:f32" { "which Kiln writes pictures and cubes to" } else { "which holds one picture" };
+        assert!(message.contains(&format!("{why}; use ktx2, ktx1 or dds")), "{message}");
     }
     let cube = texture("cube", "rgb32f".parse().unwrap());
     let message = format::encode("npy:f32".parse().unwrap(), &cube).unwrap_err().to_string();
@@ -448,7 +450,7 @@ fn the_irradiance_of_a_white_furnace_is_one_in_every_convention() {
 
 fn conversion(format: &str) -> Conversion {
     let format = format.parse().unwrap();
-    Conversion { format, shape: Shape::Keep, level: None, channels: None, clamp: false, name: None }
+    Conversion { format, from: None, shape: Shape::Keep, level: None, channels: None, clamp: false, name: None }
 }
 
 fn converted(bytes: &[u8], conversion: &Conversion) -> kiln::Result<(Vec<u8>, kiln::convert::Report)> {
@@ -533,15 +535,221 @@ fn a_panorama_becomes_a_cube_and_a_panorama_of_the_same_flux() {
     let values: Vec<f64> = (0..32 * 16 * 3).map(|_| random.unit().powi(4) * 50.0).collect();
     let (panorama, _) = Texture::flat("rgb32f".parse().unwrap(), 32, 16, &values).unwrap();
     let bytes = ktx2::encode(&panorama).unwrap();
-    let (cube, report) = converted(&bytes, &Conversion { shape: Shape::Cube(0), ..conversion("dds:rgb32f") }).unwrap();
+    let (cube, report) =
+        converted(&bytes, &Conversion { shape: Shape::Map(SphereLayout::Cube, 0), ..conversion("dds:rgb32f") })
+            .unwrap();
     let Decoded::Texture(texture) = format::decode(&cube).unwrap() else { panic!("a texture") };
     assert_eq!((texture.faces, texture.width), (6, 8));
     // Sums of f32 texels: exact to a few of their roundings.
     assert!(report.flux_change.unwrap() < 1e-6, "{report:?}");
-    let (back, report) = converted(&cube, &Conversion { shape: Shape::Panorama, ..conversion("hdr") }).unwrap();
+    let (back, report) =
+        converted(&cube, &Conversion { shape: Shape::Map(SphereLayout::Equirect, 0), ..conversion("hdr") }).unwrap();
     assert!(report.flux_change.unwrap() < 1e-6, "{report:?}");
     assert_eq!(hdr::decode(&back).unwrap().width, 32);
-    let message =
-        converted(&bytes, &Conversion { shape: Shape::Panorama, ..conversion("hdr") }).unwrap_err().to_string();
-    assert!(message.contains("no cube, where one is to become a panorama"), "{message}");
+    let message = converted(&bytes, &Conversion { shape: Shape::Map(SphereLayout::Equirect, 0), ..conversion("hdr") })
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("a panorama that is to become a panorama; leave --shape out"), "{message}");
+}
+
+#[test]
+fn panoramas_cubes_and_octahedral_maps_become_each_other_with_their_flux() {
+    let mut random = Random(35);
+    // Smooth against the texels, but for a sun: what resampling blurs is then known to be little.
+    let values: Vec<f64> = (0..64 * 32)
+        .flat_map(|i| {
+            let d = SphereLayout::Equirect.direction(32, i);
+            let sky = 2.0 + d.y + 0.5 * d.x * d.z + 1e-3 * random.unit();
+            [sky, 0.5 * sky, if i == 700 { 2.0 * sky } else { sky }]
+        })
+        .collect();
+    let (panorama, _) = Texture::flat("rgb32f".parse().unwrap(), 64, 32, &values).unwrap();
+    let mut bytes = ktx2::encode(&panorama).unwrap();
+    let (mut from, mut before) = (SphereLayout::Equirect, [0.0; 3]);
+    let shapes = [
+        (SphereLayout::Octahedral, [32, 32], 1),
+        (SphereLayout::Cube, [32, 32], 6),
+        (SphereLayout::Octahedral, [64, 64], 1),
+        (SphereLayout::Equirect, [256, 128], 1),
+    ];
+    for (i, (to, size, faces)) in shapes.into_iter().enumerate() {
+        let step = Conversion { from: Some(from), shape: Shape::Map(to, 0), ..conversion("ktx2:rgb32f") };
+        let (next, report) = converted(&bytes, &step).unwrap();
+        let texture = ktx2::decode(&next).unwrap();
+        assert_eq!(([texture.width, texture.height], texture.faces), (size, faces), "{from} → {to}");
+        let map = SphereMap {
+            layout: to,
+            size: size[1],
+            texels: texture.values(0).chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        };
+        let mean = map.mean();
+        for c in 0..3 {
+            // Every step rounds each texel to f32 once, or twice through a panorama.
+            assert!(i == 0 || (mean[c] / before[c] - 1.0).abs() < 2e-7, "{from} → {to}: {mean:?}, {before:?}");
+        }
+        assert!(report.flux_change.unwrap() < 2e-7, "{report:?}");
+        // Twice as bright in one texel of 2048, averaged with its neighbours, is most of what changes.
+        let rms = report.resampling_rms.unwrap();
+        assert!((1e-4..0.03).contains(&rms), "{from} → {to}: {rms}");
+        (bytes, from, before) = (next, to, mean);
+    }
+    let wrong = Conversion {
+        from: Some(SphereLayout::Cube),
+        shape: Shape::Map(SphereLayout::Octahedral, 8),
+        ..conversion("hdr")
+    };
+    let message = converted(&bytes, &wrong).unwrap_err().to_string();
+    assert!(message.contains("256 × 128 texels, which is not a cube; correct --from"), "{message}");
+    let wrong = Conversion {
+        from: Some(SphereLayout::Octahedral),
+        shape: Shape::Map(SphereLayout::Cube, 8),
+        ..conversion("ktx2:rgb32f")
+    };
+    let message = converted(&bytes, &wrong).unwrap_err().to_string();
+    assert!(message.contains("an octahedral map of 256 × 128, which is no square"), "{message}");
+}
+
+/// Parts, levels and values as OpenEXR's own reader and OpenImageIO see them.
+const READ_PARTS: &str = r#"
+import OpenImageIO as oiio, OpenEXR, sys
+with OpenEXR.File(sys.argv[1]) as f:
+    print("parts", *[(p.header.get("name") or "-") for p in f.parts])
+    for p in f.parts:
+        print("part", *[float(v).hex() for v in p.channels["R"].pixels.ravel()] if "R" in p.channels else
+              [float(v).hex() for v in list(p.channels.values())[0].pixels[..., 0].ravel()])
+inp = oiio.ImageInput.open(sys.argv[1])
+assert inp, oiio.geterror()
+part = 0
+while inp.seek_subimage(part, 0):
+    level = 0
+    while inp.seek_subimage(part, level):
+        spec = inp.spec()
+        names = list(spec.channelnames)
+        pixels = inp.read_image(part, level, 0, spec.nchannels, "float")
+        print("level", part, level, spec.width, spec.height, *[float(v).hex() for v in pixels[..., names.index("R")].ravel()])
+        level += 1
+    part += 1
+"#;
+
+/// Mips and cubes in OpenEXR: other people's readers find every part and every level, and Kiln reads back what it wrote, bit for bit.
+#[test]
+fn mips_and_cubes_are_what_openexr_and_openimageio_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(36);
+    for (format, size, faces, n_levels) in [
+        ("rgb16f", [200, 100], 1, 4),
+        ("rgba32f", [64, 64], 6, 7),
+        ("rgb16f", [96, 96], 6, 2),
+        ("rgb32f", [70, 70], 6, 1),
+        ("rgb32f", [130, 3], 1, 2),
+    ] {
+        let format: TexelFormat = format.parse().unwrap();
+        let mut texture = Texture { faces, ..Texture::empty(format, size[0], size[1]) };
+        for level in 0..n_levels {
+            let [w, h] = texture.level_size(level);
+            let values: Vec<f64> = (0..faces * w * h * format.channels()).map(|_| random.unit() * 1e3).collect();
+            texture.push_level(&values).unwrap();
+        }
+        texture.metadata = vec![("Kiln.note".to_owned(), "of the first part".to_owned())];
+        let spec = FormatSpec::new(Container::Exr, format).unwrap();
+        let bytes = format::encode(spec, &texture).unwrap();
+        let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+        assert_eq!((back.levels, back.faces, back.format), (texture.levels.clone(), faces, format));
+        assert!(back.metadata.contains(&texture.metadata[0]));
+
+        let path = file(&folder, "a.exr", &bytes);
+        let Some(printed) = tools::python(READ_PARTS, &path) else { return };
+        let names = if faces == 6 { "+X -X +Y -Y +Z -Z" } else { "-" };
+        assert!(printed.starts_with(&format!("parts {names}\n")), "{printed:.200}");
+        let reds = |level: usize, face: usize| -> Vec<f32> {
+            texture.face(level, face).unwrap().into_iter().step_by(format.channels()).collect()
+        };
+        let numbers = |text: &str| text.split(' ').map(parse_hex).collect::<Vec<f32>>();
+        let parts: Vec<&str> = printed.lines().filter_map(|line| line.strip_prefix("part ")).collect();
+        assert_eq!(parts.len(), faces);
+        for (face, part) in parts.into_iter().enumerate() {
+            assert_eq!(numbers(part), reds(0, face), "part {face}");
+        }
+        let found: Vec<&str> = printed.lines().filter_map(|line| line.strip_prefix("level ")).collect();
+        // Complete chains, whose last levels are ours only if the texture had them.
+        let complete = if n_levels == 1 { 1 } else { size[0].max(size[1]).ilog2() as usize + 1 };
+        assert_eq!(found.len(), faces * complete);
+        for (i, line) in found.into_iter().enumerate() {
+            let (face, level) = (i / complete, i % complete);
+            let [w, h] = texture.level_size(level);
+            let values = line.strip_prefix(&format!("{face} {level} {w} {h} ")).unwrap_or_else(|| panic!("{line:.60}"));
+            if level < n_levels {
+                assert_eq!(numbers(values), reds(level, face), "face {face}, level {level}");
+            } else {
+                // Averages lie between the extremes of what there was.
+                let (low, high) = (reds(n_levels - 1, face), 1e3);
+                let least = low.into_iter().fold(f32::INFINITY, f32::min);
+                assert!(numbers(values).iter().all(|v| (least..=high).contains(v)), "face {face}, level {level}");
+            }
+        }
+    }
+    let (volume, _) = Texture::volume("r32f".parse().unwrap(), [2, 2, 2], &[0.0; 8]).unwrap();
+    let message = kiln::format::exr::encode_texture(&volume).unwrap_err().to_string();
+    assert!(message.contains("which Kiln writes pictures and cubes to; use ktx2, ktx1 or dds"), "{message}");
+}
+
+/// Negative values, overflow, NaN and infinity in every packing without a sign: refused unless that is allowed, and then counted and stored
+/// as each packing's head says.
+#[test]
+fn what_an_unsigned_packing_has_no_room_for_is_refused_or_counted() {
+    for (name, largest) in [
+        ("ktx2:b10g11r11", 64512.0),
+        ("ktx2:rgb9e5", 65408.0),
+        ("ktx2:bc6h", 65504.0),
+        ("ktx2:rgbm", 64.0),
+        ("ktx2:rgbp", 64.0),
+        ("ktx2:rgbd", 255.0),
+        ("hdr", 1.0e38),
+        ("png:rgb8unorm", 1.0),
+        ("png:rgb16unorm", 1.0),
+    ] {
+        let one = |value: f64, channel: usize| {
+            let mut values = [0.5; 3 * 16];
+            values[3 * 5 + channel] = value;
+            let (texture, _) = Texture::flat("rgb32f".parse().unwrap(), 4, 4, &values).unwrap();
+            ktx2::encode(&texture).unwrap()
+        };
+        let allowed = Conversion { clamp: true, ..conversion(name) };
+        for channel in 0..3 {
+            for (value, stored) in [
+                (-1.0, Some(0.0)),
+                (1e38, None),
+                (f64::NAN, Some(0.0)),
+                (f64::INFINITY, None),
+                (f64::NEG_INFINITY, Some(0.0)),
+            ] {
+                if name == "hdr" && value == 1e38 {
+                    continue; // it has room for that
+                }
+                let bytes = one(value, channel);
+                let message = converted(&bytes, &conversion(name)).unwrap_err().to_string();
+                assert!(
+                    message.contains("has no room for 1 values")
+                        || message.contains(" 1 below zero")
+                        || message.contains(" 1 that are not finite"),
+                    "{name} {value}: {message}"
+                );
+                assert!(message.contains("; choose an f32 format, or"), "{name}: {message}");
+                let (file, report) = converted(&bytes, &allowed).unwrap();
+                let counted = [report.packing.overflowed, report.packing.negative, report.packing.nonfinite];
+                let wanted = [u64::from(value == 1e38), u64::from(value < 0.0), u64::from(!value.is_finite())];
+                assert_eq!(counted, wanted, "{name} {value}");
+                let decoded = format::decode(&file).unwrap();
+                let found = decoded.values()[3 * 5 + channel];
+                // Blocks and shared factors spread what is beside; a clamped value itself is the end of the range.
+                let slack: f64 = if name == "ktx2:bc6h" { 0.02 } else { 0.0 };
+                match stored {
+                    Some(wanted) => assert!((found - wanted).abs() <= slack.max(1e-12), "{name} {value}: {found}"),
+                    None => {
+                        assert!(found >= largest * (1.0 - 0.02 - slack), "{name} {value}: {found}, largest {largest}")
+                    }
+                }
+            }
+        }
+    }
 }

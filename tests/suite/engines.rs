@@ -69,7 +69,9 @@ fn shader(engine: &str, world: DVec3) -> Option<(DVec3, DVec3)> {
     let DVec3 { x, y, z } = world;
     Some(match engine {
         // Right-handed, +Y up, looked up as it is.
-        "filament" | "gltf" | "godot" | "materialx" => (world, world),
+        "filament" | "gltf" | "godot" => (world, world),
+        // u = 1/2 + atan2(x, -z)/2π, where a panorama of Kiln's has u = 1/2 + atan2(z, x)/2π.
+        "materialx" => (DVec3::new(-z, y, x), world),
         // Right-handed, +Y up, X negated before the lookup.
         "threejs" | "playcanvas" => (DVec3::new(-x, y, z), world),
         "bevy" => (DVec3::new(x, y, -z), world),
@@ -304,6 +306,10 @@ fn the_list_for_programs_has_the_shape_that_was_agreed() {
         }
         assert!(environment["kernel"].is_string() && environment.get("sh").is_some(), "{name}");
         assert_eq!(environment["roughness"].as_array().expect("roughness").len() as u64, environment["levels"]);
+        if environment["layout"] == "equirect" {
+            assert!(environment.get("faces").is_none() && name == "materialx");
+            continue;
+        }
         let faces = environment["faces"].as_array().expect("faces");
         assert!(faces.len() == 6 && faces.iter().all(|f| f.as_array().is_some_and(|f| f.len() == 3)), "{name}");
     }

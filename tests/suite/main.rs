@@ -3,6 +3,7 @@
 mod support;
 
 mod arbitrary_bytes;
+mod arrays;
 mod chains;
 mod cli;
 mod containers;
@@ -19,6 +20,7 @@ mod inputs;
 mod judge;
 mod kernels;
 mod layered;
+mod layouts;
 mod limits;
 mod loaders;
 mod malformed_files;

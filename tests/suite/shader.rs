@@ -91,11 +91,23 @@ fn every_shader() -> Vec<Shader> {
     }
     let tables = recipes.into_iter().enumerate().map(|(i, r)| shader_of(&format!("table_{i}"), r));
     let chains = chains().into_iter().enumerate().map(|(i, roughness)| chain_shader(&format!("chain_{i}"), &roughness));
-    tables.chain(chains).chain(environments()).collect()
+    let layer = Certificate {
+        table: Some(recipe(
+            &["ggx.scale", "ggx.bias"],
+            &["mu:8".to_owned(), "roughness:8".to_owned()],
+            "ktx2:rgbd",
+            None,
+        )),
+        layer: Some(3),
+        ..Certificate::new()
+    };
+    let layer = Shader::of_table("layer", &layer).unwrap();
+    tables.chain(chains).chain(environments()).chain([layer]).collect()
 }
 
 /// A chain for each way in which engines have irradiance, packed and turned in several ways.
 fn environments() -> Vec<Shader> {
+    use kiln::environment::SphereLayout;
     use kiln::recipe::IrradianceKind::{Cube, LastLevel, None as Nothing, Sh};
     let kinds = [
         (Cube, "env", Some("ktx2:rgb9e5"), "-x,y,z"),
@@ -114,7 +126,24 @@ fn environments() -> Vec<Shader> {
         };
         environment_shader(&format!("environment_{i}"), recipe)
     };
-    kinds.into_iter().enumerate().map(shader).collect()
+    let flat = |(i, (layout, format, own)): (usize, (SphereLayout, &str, Option<&str>))| {
+        let recipe = EnvironmentRecipe {
+            layout,
+            format: format.parse().unwrap(),
+            irradiance: [Cube, LastLevel][i % 2],
+            irradiance_format: own.map(|f| f.parse().unwrap()),
+            orientation: "z,y,-x".parse().unwrap(),
+            ..EnvironmentRecipe::new("builtin:sky")
+        };
+        environment_shader(&format!("flat_{i}"), recipe)
+    };
+    let flats = [
+        (SphereLayout::Octahedral, "ktx2:rgbm", Some("ktx2:rgb9e5")),
+        (SphereLayout::Octahedral, "ktx2:rgba16f", None),
+        (SphereLayout::Equirect, "ktx2:rgbd", Some("exr:f16")),
+        (SphereLayout::Equirect, "dds:bc6h", None),
+    ];
+    kinds.into_iter().enumerate().map(shader).chain(flats.into_iter().enumerate().map(flat)).collect()
 }
 
 fn environment_shader(name: &str, recipe: EnvironmentRecipe) -> Shader {
@@ -154,13 +183,13 @@ fn every_piece_of_wgsl_is_valid_to_naga() {
 }
 
 /// The names that textures have in what is emitted, none after one that it begins with.
-const TEXTURES: [&str; 5] = ["table0", "table1", "table", "specular", "irradiance"];
+const TEXTURES: [&str; 6] = ["table0", "table1", "table", "specular", "irradiance", "map"];
 
 #[test]
 fn every_piece_of_glsl_is_valid_to_naga() {
     // naga knows textures apart from their samplers only, as Vulkan can have them.
     let mut code = all_code(Language::Glsl);
-    for (kind, dimension) in [("2D", "2D"), ("3D", "3D"), ("Cube", "Cube")] {
+    for (kind, dimension) in ["2DArray", "2D", "3D", "Cube"].map(|kind| (kind, kind)) {
         for name in TEXTURES {
             let parameter = format!("texture{dimension} {name}, sampler {name}_sampler");
             code = code.replace(&format!("highp sampler{kind} {name}"), &parameter);
@@ -169,11 +198,16 @@ fn every_piece_of_glsl_is_valid_to_naga() {
     let mut separate = String::new();
     let mut kind = "2D";
     for line in code.lines() {
-        kind = ["2D", "3D", "Cube"].into_iter().find(|k| line.contains(&format!("texture{k} "))).unwrap_or(kind);
+        kind = ["2DArray", "2D", "3D", "Cube"]
+            .into_iter()
+            .find(|k| line.contains(&format!("texture{k} ")))
+            .unwrap_or(kind);
         let mut line = line.to_owned();
         for name in TEXTURES {
             let sampler = format!("textureLod(sampler{kind}({name}, {name}_sampler),");
             line = line.replace(&format!("textureLod({name},"), &sampler);
+            // Handed on, it goes with its sampler.
+            line = line.replace(&format!("({name}, at,"), &format!("({name}, {name}_sampler, at,"));
         }
         separate += &(line + "\n");
     }
@@ -250,7 +284,7 @@ fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
         let mut textures = vec![];
         for texture in &case.textures {
             let kind = match texture.kind {
-                "2d" => "2D",
+                "2d" | "panorama" => "2D",
                 "3d" => "3D",
                 _ => "Cube",
             };
@@ -840,6 +874,95 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
         for c in 0..3 {
             let error = f64::from(found[c] - point[c]).abs();
             assert!(error <= tolerance, "towards {point:?} the cube {orientation} holds {found:?}");
+        }
+    }
+}
+
+/// What is seen of octahedral maps and of panoramas is what the library blends, also beside borders and where no texel looks; between levels too.
+#[test]
+fn maps_in_one_picture_are_looked_up_as_the_library_blends_them() {
+    use kiln::environment::{SphereLayout, SphereMap};
+    let mut random = Random(9);
+    let (sizes, roughness) = ([16, 8, 4], vec![0.0, 0.5, 1.0]);
+    let axes = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z].into_iter().flat_map(|d| [d, -d]);
+    // Along the fold of the octahedron, and around the poles.
+    let borders = (0..POINTS).flat_map(|i| {
+        let (sin, cos) = (0.1 + i as f64 / 41.0).sin_cos();
+        let off = 1e-2 * (i % 5) as f64 - 2e-2;
+        [glam::DVec3::new(off, sin, -cos.abs()), glam::DVec3::new(sin, off, -cos.abs())]
+    });
+    let any: Vec<glam::DVec3> = (0..2 * POINTS).map(|_| glam::Vec3::from(direction(&mut random)).as_dvec3()).collect();
+    let points: Vec<[f32; 4]> = axes
+        .chain(borders)
+        .chain(any)
+        .enumerate()
+        .map(|(i, d)| {
+            let [x, y, z] = d.normalize().as_vec3().to_array();
+            [x, y, z, [0.0, 0.5, 1.0, 0.31, 0.77][i % 5]]
+        })
+        .collect();
+    let (mut cases, mut wanted) = (vec![], vec![]);
+    for (layout, turn) in [
+        (SphereLayout::Octahedral, "x,y,z"),
+        (SphereLayout::Octahedral, "-z,x,-y"),
+        (SphereLayout::Equirect, "x,y,z"),
+        (SphereLayout::Equirect, "z,y,-x"),
+    ] {
+        let orientation: Orientation = turn.parse().unwrap();
+        let recipe = EnvironmentRecipe {
+            layout,
+            size: sizes[0],
+            roughness: Some(roughness.clone()),
+            orientation,
+            ..EnvironmentRecipe::new("builtin:sky")
+        };
+        // Rough: neighbouring texels have nothing to do with each other.
+        let maps: Vec<SphereMap> = sizes
+            .iter()
+            .map(|&size| {
+                let texels = (0..layout.texels(size)).map(|_| [0; 3].map(|_| random.unit() as f32)).collect();
+                SphereMap { layout, size, texels }
+            })
+            .collect();
+        let levels = maps.iter().map(|map| {
+            let ([width, height], _) = layout.shape(map.size);
+            let texels: Vec<f32> = map.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect();
+            ([width, height, 1], le_bytes(&texels))
+        });
+        let kind = if layout == SphereLayout::Equirect { "panorama" } else { "2d" };
+        cases.push(Case {
+            name: format!("{layout}_{turn}"),
+            code: environment_shader("sky", recipe).to_text(Language::Glsl),
+            value: "vec4(sky_specular(specular, p.xyz, p.w), 1.0)".to_owned(),
+            points: points.clone(),
+            textures: vec![Texture {
+                name: "specular".to_owned(),
+                kind,
+                format: "rgba32f".to_owned(),
+                levels: levels.collect(),
+            }],
+        });
+        let seen = |p: &[f32; 4]| {
+            let towards = orientation.lookup(glam::DVec3::new(p[0].into(), p[1].into(), p[2].into()));
+            let level = 2.0 * f64::from(p[3]);
+            let below = level.floor().min(1.0) as usize;
+            let [a, b] = [below, below + 1].map(|m| maps[m].filtered(towards));
+            [0, 1, 2].map(|c| a[c] + (level - below as f64) * (b[c] - a[c]))
+        };
+        wanted.push(points.iter().map(seen).collect::<Vec<_>>());
+    }
+    let Some(found) = run(&cases) else { return };
+    for (case, wanted) in cases.iter().zip(wanted) {
+        for ((point, found), wanted) in points.iter().zip(&found[&case.name]).zip(wanted) {
+            // Texels differ by up to 1, and weights come in steps of 1/256: of a column, of a row, of a level. At a pole of a panorama every
+            // column is looked at, as the rounding of the vector has it; and exactly towards -X an arctangent may be either end.
+            let [x, z] = [point[0], point[2]].map(f64::from);
+            let pole = case.name.starts_with("equirect") && (x.hypot(z) < 1e-3 || x < 0.0 && z == 0.0);
+            let tolerance = if pole { 1.0 } else { 3.0 * SUBTEXEL + 64.0 * ULP };
+            for c in 0..3 {
+                let error = (f64::from(found[c]) - wanted[c]).abs();
+                assert!(error <= tolerance, "{} at {point:?}: got {found:?}, wanted {wanted:?}", case.name);
+            }
         }
     }
 }

@@ -1,16 +1,17 @@
 //! Reading OpenEXR; what is read and what refused stands at the head of the parent module.
 
 use super::contain::contained;
-use super::to_native;
+use super::{FACES, LEVELS_KEY, to_native};
 use crate::colour::Primaries;
 use crate::error::{Error, Result};
-use crate::format::{Image, memory};
-use crate::pack::Number;
+use crate::format::{Image, Texture, memory};
+use crate::pack::{Number, TexelFormat};
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
-use ::exr::meta::MetaData;
-use ::exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType};
+use ::exr::math::RoundingMode;
+use ::exr::meta::attribute::{AttributeValue, IntegerBounds, LevelMode, SampleType};
 use ::exr::meta::header::{Header, standard_names};
+use ::exr::meta::{BlockDescription, MetaData};
 use ::exr::prelude::Compression;
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -81,10 +82,114 @@ fn decode_uncontained(bytes: &[u8]) -> Result<(Image, Number)> {
     Ok((image, if numbers.contains(&Number::F16) { Number::F16 } else { Number::F32 }))
 }
 
+/// The texture in `bytes`: mips, or six parts that are called as the faces of a cube are; nothing for what is one picture.
+///
+/// **Errors**: as [`decode`]; also faces of several sizes or with other channels.
+pub fn decode_texture(bytes: &[u8]) -> Result<Option<Texture>> {
+    contained(|| texture_uncontained(bytes)).unwrap_or_else(|| Err(panicked()))
+}
+
+fn texture_uncontained(bytes: &[u8]) -> Result<Option<Texture>> {
+    let reader = ::exr::block::read(Cursor::new(bytes), false).map_err(translate)?;
+    let headers = reader.headers().to_vec();
+    let Some(header) = headers.first() else { return Ok(None) };
+    let name = |header: &Header| header.own_attributes.layer_name.as_ref().map(|name| string(name.as_slice()));
+    let is_cube =
+        headers.len() == 6 && headers.iter().zip(FACES).all(|(header, face)| name(header).as_deref() == Some(face));
+    let n_levels = match header.blocks {
+        BlockDescription::Tiles(tiles)
+            if tiles.level_mode == LevelMode::MipMap && tiles.rounding_mode == RoundingMode::Down =>
+        {
+            header.layer_size.x().max(header.layer_size.y()).max(1).ilog2() as usize + 1
+        }
+        _ => 1,
+    };
+    // What crops its picture is no texture.
+    let (data, display) = (header.data_window(), header.shared_attributes.display_window);
+    if (!is_cube && (n_levels == 1 || headers.len() > 1)) || data != display {
+        return Ok(None);
+    }
+    check_size(&headers, bytes.len())?;
+    let numbers = check_channels(header)?;
+    let alike = |other: &Header| {
+        (other.layer_size, other.blocks, other.data_window()) == (header.layer_size, header.blocks, data)
+            && other.channels == header.channels
+    };
+    if !headers.iter().all(alike) || is_cube && data.size.x() != data.size.y() {
+        return Err(Error::invalid("faces of an OpenEXR that are not alike and square", "save the cube again"));
+    }
+    let metadata = metadata(header);
+    let meant = metadata.iter().find(|(key, _)| key == LEVELS_KEY).and_then(|(_, levels)| levels.parse::<usize>().ok());
+    let kept = meant.unwrap_or(n_levels).clamp(1, n_levels);
+
+    let names: Vec<String> = header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect();
+    let (order, channels) = colour_first(names);
+    let number = if numbers.contains(&Number::F32) { Number::F32 } else { Number::F16 };
+    let format = TexelFormat::Plain { channels: channels.len(), number };
+    let [width, height] = [data.size.x(), data.size.y()];
+    let empty = Texture { faces: headers.len(), channels, metadata, ..Texture::empty(format, width, height) };
+    let empty = Texture { primaries: primaries(header)?.unwrap_or(empty.primaries), ..empty };
+    let room = (width as u128) * (height as u128) * (8 * (numbers.len() * headers.len()) as u128);
+    memory::check_room(room, &format!("an OpenEXR of {width} × {height} texels in {} parts", headers.len()))?;
+    let sizes: Vec<[usize; 2]> = (0..kept).map(|level| empty.level_size(level)).collect();
+    let mut levels: Vec<Vec<f32>> =
+        sizes.iter().map(|[w, h]| vec![0.0; w * h * headers.len() * numbers.len()]).collect();
+
+    let meta_data = reader.meta_data().clone();
+    let mut chunks = reader
+        .filter_chunks(false, |_, _, block| block.level.x() == block.level.y() && block.level.x() < kept)
+        .map_err(translate)?;
+    let n_blocks = chunks.len();
+    let mut seen = HashSet::new();
+    loop {
+        let batch: Vec<Chunk> =
+            chunks.by_ref().take(BLOCKS_AT_ONCE).collect::<::exr::error::Result<_>>().map_err(translate)?;
+        if batch.is_empty() {
+            break;
+        }
+        let blocks: Vec<UncompressedBlock> =
+            batch.into_par_iter().map(|chunk| decompress(chunk, &meta_data)).collect::<Result<_>>()?;
+        for block in &blocks {
+            let (part, level) = (block.index.layer, block.index.level.x());
+            seen.insert((part, level, block.index.pixel_position.x(), block.index.pixel_position.y()));
+            let [width, height] = sizes[level];
+            let area = width * height * numbers.len();
+            let view = View { width, height, offset: [0, 0] };
+            view.place(block, &numbers, &mut levels[level][part * area..(part + 1) * area]);
+        }
+    }
+    if seen.len() != n_blocks {
+        let missing = n_blocks - seen.len();
+        return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
+    }
+    let mut texture = empty;
+    for level in levels {
+        let sorted: Vec<f32> =
+            level.chunks_exact(order.len()).flat_map(|texel| order.iter().map(|&c| texel[c])).collect();
+        texture.push_level(&sorted)?;
+    }
+    Ok(Some(texture))
+}
+
+/// The channels R, G, B and A in that order, if there are none but those; else as they come. Where each stands among those that come.
+fn colour_first(names: Vec<String>) -> (Vec<usize>, Vec<String>) {
+    let find = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted));
+    let colour: Option<Vec<usize>> = ["R", "G", "B", "A"]
+        .into_iter()
+        .take(names.len())
+        .map(find)
+        .collect::<Option<_>>()
+        .filter(|_| names.len() <= 4);
+    let order = colour.unwrap_or_else(|| (0..names.len()).collect());
+    let channels = order.iter().map(|&c| names[c].clone()).collect();
+    (order, channels)
+}
+
 /// Refuses sizes that `n_bytes` cannot hold, so that what is allocated for them stays in proportion to the file.
 fn check_size(headers: &[Header], n_bytes: usize) -> Result<()> {
     let n_blocks = headers.iter().fold(0_usize, |sum, header| sum.saturating_add(header.chunk_count));
     let [width, height] = [headers[0].layer_size.x(), headers[0].layer_size.y()];
+    // (Of several parts, the first alone bounds what is allocated for it, and each of a cube is like it.)
     let size = (width as u128) * (height as u128) * (headers[0].channels.bytes_per_pixel as u128);
     let most = (n_bytes as u128) * max_ratio(headers[0].compression);
     // Every block takes eight bytes of the table of contents alone.

@@ -14,7 +14,7 @@ const FORMATS = {
     rg32f: [gl.RG32F, gl.RG, gl.FLOAT],
     rgba32f: [gl.RGBA32F, gl.RGBA, gl.FLOAT],
 };
-const TARGETS = { '2d': gl.TEXTURE_2D, '3d': gl.TEXTURE_3D, cube: gl.TEXTURE_CUBE_MAP };
+const TARGETS = { '2d': gl.TEXTURE_2D, panorama: gl.TEXTURE_2D, '3d': gl.TEXTURE_3D, cube: gl.TEXTURE_CUBE_MAP };
 
 function compile(kind, source) {
     const shader = gl.createShader(kind);
@@ -52,6 +52,7 @@ async function upload(texture) {
     for (const wrap of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) {
         gl.texParameteri(target, wrap, gl.CLAMP_TO_EDGE);
     }
+    if (texture.kind === 'panorama') gl.texParameteri(target, gl.TEXTURE_WRAP_S, gl.REPEAT);
 }
 
 function target(width) {
