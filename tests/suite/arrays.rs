@@ -26,7 +26,7 @@ axes = ["mu:16:sqrt", "eta:8:1..2"]
 "#;
 
 fn bake(folder: &Path, recipe: &str) {
-    std::fs::write(folder.join("recipe.toml"), recipe).unwrap();
+    std::fs::write(folder.join("recipe.toml"), recipe).expect("a folder to write to");
     succeed(folder, &["bake", "recipe.toml", "--out", "."]);
 }
 

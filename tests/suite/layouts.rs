@@ -16,7 +16,7 @@ fn bake(folder: &Path, layout: &str, arguments: &[&str]) -> Certificate {
         (true, true) => &[],
     };
     let run = succeed(folder, &[&usual[..], sizes, arguments].concat());
-    Certificate::from_json(&run.stdout).unwrap()
+    Certificate::from_json(&run.stdout).expect("a certificate")
 }
 
 #[test]
