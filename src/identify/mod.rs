@@ -185,11 +185,15 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     let n = finite.len() as f64;
     let mean = finite.iter().sum::<f64>() / n;
-    let mut squares: Vec<f64> = finite.iter().map(|v| (v - mean).powi(2)).collect();
-    let whole = (squares.iter().sum::<f64>() / n).sqrt();
+    let whole = (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    // Residuals are counted without the worst tenth: so must the spread be, about the median. Nothing explains a channel that varies in
+    // that tenth only.
+    let mut sorted = finite.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(mean);
+    let mut squares: Vec<f64> = finite.iter().map(|v| (v - median).powi(2)).collect();
     squares.sort_by(f64::total_cmp);
     let most = &squares[..(squares.len() * 9).div_ceil(10)];
-    // Residuals are counted without the worst tenth: so must be a channel that varies there only.
     let spread = whole.min(2.0 * (most.iter().sum::<f64>() / most.len().max(1) as f64).sqrt());
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.

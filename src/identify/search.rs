@@ -103,7 +103,7 @@ impl Hypothesis {
 
     /// What of a value no encoding explains is relative to how much the channel varies.
     pub fn relative(&self, data: &Data) -> f64 {
-        self.residual / data.spread
+        if data.spread > 0.0 { self.residual / data.spread } else { f64::INFINITY }
     }
 
     /// Whether both say the same of a table, whatever the fitted numbers are.

@@ -142,7 +142,9 @@ impl Lookup<'_> {
             // An arctangent of two zeros is undefined.
             let_("x", Type::Float, "d.x + (1.0 - step(1.0e-30, abs(d.x) + abs(d.z)))".to_owned()),
             let_("across", Type::Float, "sqrt(d.x * d.x + d.z * d.z)".to_owned()),
-            let_("u", Type::Float, format!("0.5 + atan2(d.z, x) * {turn}")),
+            // Some arctangents go astray at a zero with a sign.
+            let_("side", Type::Float, "2.0 * step(0.0, d.z) - 1.0".to_owned()),
+            let_("u", Type::Float, format!("0.5 + side * atan2(abs(d.z), x) * {turn}")),
             let_("v", Type::Float, format!("atan2(across, d.y) * {half}")),
             Statement::Return("vec2(u, v)".to_owned()),
         ];
