@@ -4,7 +4,8 @@
 //! may use. Every sum has one order. Where a sum of products takes most of the time, [`Arithmetic`] fuses multiplication and addition if
 //! the instruction set does; there results differ by rounding, 1e-16 of the largest term.
 //!
-//! (Loops rather than closures: a closure that is not inlined is not compiled for the instructions that its caller chose.)
+//! (Lists of eight rather than closures, which are not compiled for the instructions that their caller chose where they are not inlined, or
+//! loops, which compilers leave in memory.)
 
 /// Numbers in a vector.
 pub(in crate::environment) const LANES: usize = 8;
@@ -75,21 +76,31 @@ pub(in crate::environment) trait Arithmetic {
     /// a b + c, eight times.
     #[inline(always)]
     fn mul_add(a: V, b: V, c: V) -> V {
-        let mut sum = c;
-        for i in 0..LANES {
-            sum[i] = Self::fused(a[i], b[i], c[i]);
-        }
-        sum
+        [
+            Self::fused(a[0], b[0], c[0]),
+            Self::fused(a[1], b[1], c[1]),
+            Self::fused(a[2], b[2], c[2]),
+            Self::fused(a[3], b[3], c[3]),
+            Self::fused(a[4], b[4], c[4]),
+            Self::fused(a[5], b[5], c[5]),
+            Self::fused(a[6], b[6], c[6]),
+            Self::fused(a[7], b[7], c[7]),
+        ]
     }
 
     /// a s + c, eight times.
     #[inline(always)]
     fn scale_add(a: V, s: f64, c: V) -> V {
-        let mut sum = c;
-        for i in 0..LANES {
-            sum[i] = Self::fused(a[i], s, c[i]);
-        }
-        sum
+        [
+            Self::fused(a[0], s, c[0]),
+            Self::fused(a[1], s, c[1]),
+            Self::fused(a[2], s, c[2]),
+            Self::fused(a[3], s, c[3]),
+            Self::fused(a[4], s, c[4]),
+            Self::fused(a[5], s, c[5]),
+            Self::fused(a[6], s, c[6]),
+            Self::fused(a[7], s, c[7]),
+        ]
     }
 }
 
@@ -135,38 +146,22 @@ pub(in crate::environment) use compiled_for;
 
 #[inline(always)]
 pub(super) fn add(a: V, b: V) -> V {
-    let mut result = a;
-    for i in 0..LANES {
-        result[i] = a[i] + b[i];
-    }
-    result
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]]
 }
 
 #[inline(always)]
 pub(super) fn sub(a: V, b: V) -> V {
-    let mut result = a;
-    for i in 0..LANES {
-        result[i] = a[i] - b[i];
-    }
-    result
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4], a[5] - b[5], a[6] - b[6], a[7] - b[7]]
 }
 
 #[inline(always)]
 pub(super) fn mul(a: V, b: V) -> V {
-    let mut result = a;
-    for i in 0..LANES {
-        result[i] = a[i] * b[i];
-    }
-    result
+    [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3], a[4] * b[4], a[5] * b[5], a[6] * b[6], a[7] * b[7]]
 }
 
 #[inline(always)]
 pub(super) fn scale(a: V, s: f64) -> V {
-    let mut result = a;
-    for i in 0..LANES {
-        result[i] = a[i] * s;
-    }
-    result
+    [a[0] * s, a[1] * s, a[2] * s, a[3] * s, a[4] * s, a[5] * s, a[6] * s, a[7] * s]
 }
 
 /// The sum of the lanes, in one order.

@@ -231,14 +231,16 @@ fn synthesise_order<A: Arithmetic>(
                 continue;
             }
             for parity in 0..2 {
-                let mut sums: [V; PARTS] = std::array::from_fn(|c| all[parity * PARTS + c]);
+                let mut sums = [ZERO; PARTS];
                 for half in 0..CHUNK / 2 {
                     let k = 2 * half + parity;
                     for c in 0..PARTS {
                         sums[c] = A::scale_add(q[k], terms[k][c], sums[c]);
                     }
                 }
-                all[parity * PARTS..][..PARTS].copy_from_slice(&sums);
+                for c in 0..PARTS {
+                    all[parity * PARTS + c] = add(all[parity * PARTS + c], sums[c]);
+                }
             }
         }
         result.push(all);
