@@ -47,7 +47,7 @@ pub struct ChainSpec {
     /// Whether every level gets a probe of its lookup error.
     #[serde(default)]
     pub probe: bool,
-    /// How the sphere lies in each level of [`maps_and_irradiance_beside`]; the other functions make cubes.
+    /// How the sphere lies in each level; functions that return cubes take no other.
     #[serde(default)]
     pub layout: SphereLayout,
     /// Which way those are turned.
