@@ -5,6 +5,7 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
+use crate::support::memory;
 use crate::support::samples::{Random, cube, hdr as hdr_sample, picture};
 use kiln::certificate::Certificate;
 use kiln::environment::{InputLayout, Negatives, NonFinite, Reading, load};
@@ -137,6 +138,9 @@ fn answers<T>(what: &str, round: usize, read: impl FnOnce() -> kiln::Result<T>) 
 
 #[test]
 fn every_reader_answers_or_refuses_arbitrary_bytes() {
+    if !memory::alone("arbitrary_bytes::every_reader_answers_or_refuses_arbitrary_bytes") {
+        return;
+    }
     let mut random = Random(21);
     for kind in ["exr", "hdr", "ktx2"] {
         for round in 0..2500 {
@@ -165,11 +169,14 @@ fn every_reader_answers_or_refuses_arbitrary_bytes() {
         }
         assert!(read >= 60, "{kind}: only {read} of 1200 files were read");
     }
-    assert_little_memory();
+    memory::assert_little();
 }
 
 #[test]
 fn environments_from_arbitrary_files_are_read_or_refused() {
+    if !memory::alone("arbitrary_bytes::environments_from_arbitrary_files_are_read_or_refused") {
+        return;
+    }
     let mut random = Random(22);
     let folder = tempfile::tempdir().unwrap();
     let layouts = [InputLayout::Auto, InputLayout::Panorama, InputLayout::Cross, InputLayout::Strip, InputLayout::Cube];
@@ -187,7 +194,7 @@ fn environments_from_arbitrary_files_are_read_or_refused() {
         read += usize::from(answers(kind, round, || load(path.to_str().unwrap(), &reading)));
     }
     assert!(read > 50, "only {read} of 600 inputs were read");
-    assert_little_memory();
+    memory::assert_little();
 }
 
 /// Every picture of up to 26 × 26 is a panorama, a cube, or refused, by any layout.
@@ -206,6 +213,9 @@ fn pictures_of_every_small_size_are_read_or_refused() {
 
 #[test]
 fn certificates_and_recipes_of_arbitrary_text_are_read_or_refused() {
+    if !memory::alone("arbitrary_bytes::certificates_and_recipes_of_arbitrary_text_are_read_or_refused") {
+        return;
+    }
     let mut random = Random(23);
     let environment = EnvironmentRecipe::new("sky_%s.hdr");
     let certificate = Certificate { environment: Some(environment), ..Certificate::new() }.to_json().unwrap();
@@ -224,15 +234,5 @@ fn certificates_and_recipes_of_arbitrary_text_are_read_or_refused() {
     for deep in [format!("a = {}", "[".repeat(5_000)), "[a.".repeat(5_000), "a.".repeat(5_000)] {
         assert!(!answers("deep recipe", 0, || Recipe::from_toml(&deep)));
     }
-    assert_little_memory();
-}
-
-/// All inputs are smaller than 50 kB, and the most that a reader may allocate is a few thousand times as much.
-fn assert_little_memory() {
-    let Ok(status) = std::fs::read_to_string("/proc/self/status") else {
-        return eprintln!("skipped: no /proc/self/status to read the memory from");
-    };
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
-    let peak: u64 = peak.expect("VmHWM in kB");
-    assert!(peak < 512 * 1024, "{peak} kB of memory were in use at once");
+    memory::assert_little();
 }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
+use crate::support::memory;
 use crate::support::samples::{Random, cube, hdr as hdr_sample, picture};
 use kiln::format::{decode_image, exr, hdr, ktx2};
 use kiln::pack::{Number, TexelFormat};
@@ -241,9 +242,6 @@ fn mutated(sample: &[u8], random: &mut Random) -> Vec<u8> {
 /// Some mutations leave a sound file, the others are refused; no one panics.
 #[test]
 fn mutated_files_never_panic() {
-    if !alone("mutated_files_never_panic") {
-        return;
-    }
     let mut random = Random(11);
     for (kind, sample) in samples() {
         let mut refused = 0;
@@ -264,7 +262,7 @@ fn mutated_files_never_panic() {
 
 #[test]
 fn mutated_openexr_files_of_every_compression_never_panic() {
-    if !alone("mutated_openexr_files_of_every_compression_never_panic") {
+    if !memory::alone("malformed_files::mutated_openexr_files_of_every_compression_never_panic") {
         return;
     }
     let mut random = Random(12);
@@ -287,30 +285,5 @@ fn mutated_openexr_files_of_every_compression_never_panic() {
             }
         }
     }
-    assert_little_memory();
-}
-
-/// Whether this process runs nothing but this test, so that its memory is the test's: if it does not, another one that does has passed.
-fn alone(test: &str) -> bool {
-    const ALONE: &str = "KILN_TEST_ALONE";
-    if std::env::var_os(ALONE).is_some() {
-        return true;
-    }
-    let program = std::env::current_exe().expect("a program");
-    let name = format!("{}::{test}", module_path!().split_once("::").map_or(module_path!(), |(_, module)| module));
-    let run = std::process::Command::new(program).args(["--exact", &name, "--nocapture"]).env(ALONE, "1").output();
-    let run = run.expect("the tests run");
-    let text = String::from_utf8_lossy(&run.stdout);
-    assert!(run.status.success() && text.contains("1 passed"), "{text}{}", String::from_utf8_lossy(&run.stderr));
-    false
-}
-
-/// All samples are smaller than 20 kB, and the most that a reader may allocate is a few thousand times as much.
-fn assert_little_memory() {
-    let Ok(status) = std::fs::read_to_string("/proc/self/status") else {
-        return eprintln!("skipped: no /proc/self/status to read the memory from");
-    };
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
-    let peak: u64 = peak.expect("VmHWM in kB");
-    assert!(peak < 512 * 1024, "{peak} kB of memory were in use at once");
+    memory::assert_little();
 }

@@ -6,5 +6,6 @@ pub mod bilinear;
 pub mod browser;
 pub mod f32_error;
 pub mod kiln;
+pub mod memory;
 pub mod samples;
 pub mod tools;
