@@ -49,28 +49,11 @@ fn decode_uncontained(bytes: &[u8]) -> Result<(Image, Number)> {
         .filter_chunks(false, |_, _, block| block.layer == 0 && block.level.x() == 0 && block.level.y() == 0)
         .map_err(translate)?;
     let n_blocks = chunks.len();
-    let mut seen = HashSet::new();
     let room = (view.width as u128) * (view.height as u128) * (4 * numbers.len() as u128);
     let size = format!("an OpenEXR of {} × {} texels and {} channels", view.width, view.height, numbers.len());
     memory::check_room(room, &size)?;
     let mut texels = vec![0.0; view.width * view.height * numbers.len()];
-    loop {
-        let batch: Vec<Chunk> =
-            chunks.by_ref().take(BLOCKS_AT_ONCE).collect::<::exr::error::Result<_>>().map_err(translate)?;
-        if batch.is_empty() {
-            break;
-        }
-        let blocks: Vec<UncompressedBlock> =
-            batch.into_par_iter().map(|chunk| decompress(chunk, &meta_data)).collect::<Result<_>>()?;
-        for block in &blocks {
-            seen.insert((block.index.pixel_position.x(), block.index.pixel_position.y()));
-            view.place(block, &numbers, &mut texels);
-        }
-    }
-    if seen.len() != n_blocks {
-        let missing = n_blocks - seen.len();
-        return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
-    }
+    for_blocks(&mut chunks, n_blocks, &meta_data, |block| view.place(block, &numbers, &mut texels))?;
     let image = Image {
         width: view.width,
         height: view.height,
@@ -140,6 +123,31 @@ fn texture_uncontained(bytes: &[u8]) -> Result<Option<Texture>> {
         .filter_chunks(false, |_, _, block| block.level.x() == block.level.y() && block.level.x() < kept)
         .map_err(translate)?;
     let n_blocks = chunks.len();
+    for_blocks(&mut chunks, n_blocks, &meta_data, |block| {
+        let (part, level) = (block.index.layer, block.index.level.x());
+        let [width, height] = sizes[level];
+        let area = width * height * numbers.len();
+        let view = View { width, height, offset: [0, 0] };
+        view.place(block, &numbers, &mut levels[level][part * area..(part + 1) * area]);
+    })?;
+    let mut texture = empty;
+    for level in levels {
+        let sorted: Vec<f32> =
+            level.chunks_exact(order.len()).flat_map(|texel| order.iter().map(|&c| texel[c])).collect();
+        texture.push_level(&sorted)?;
+    }
+    Ok(Some(texture))
+}
+
+/// Decompresses all blocks, some at once, and hands them on in their order.
+///
+/// **Errors**: damaged blocks; fewer different ones than the `n_blocks` that were announced.
+fn for_blocks(
+    chunks: &mut impl Iterator<Item = ::exr::error::Result<Chunk>>,
+    n_blocks: usize,
+    meta_data: &MetaData,
+    mut place: impl FnMut(&UncompressedBlock),
+) -> Result<()> {
     let mut seen = HashSet::new();
     loop {
         let batch: Vec<Chunk> =
@@ -148,27 +156,18 @@ fn texture_uncontained(bytes: &[u8]) -> Result<Option<Texture>> {
             break;
         }
         let blocks: Vec<UncompressedBlock> =
-            batch.into_par_iter().map(|chunk| decompress(chunk, &meta_data)).collect::<Result<_>>()?;
+            batch.into_par_iter().map(|chunk| decompress(chunk, meta_data)).collect::<Result<_>>()?;
         for block in &blocks {
-            let (part, level) = (block.index.layer, block.index.level.x());
-            seen.insert((part, level, block.index.pixel_position.x(), block.index.pixel_position.y()));
-            let [width, height] = sizes[level];
-            let area = width * height * numbers.len();
-            let view = View { width, height, offset: [0, 0] };
-            view.place(block, &numbers, &mut levels[level][part * area..(part + 1) * area]);
+            let (index, at) = (block.index, block.index.pixel_position);
+            seen.insert((index.layer, index.level.x(), at.x(), at.y()));
+            place(block);
         }
     }
     if seen.len() != n_blocks {
         let missing = n_blocks - seen.len();
         return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
     }
-    let mut texture = empty;
-    for level in levels {
-        let sorted: Vec<f32> =
-            level.chunks_exact(order.len()).flat_map(|texel| order.iter().map(|&c| texel[c])).collect();
-        texture.push_level(&sorted)?;
-    }
-    Ok(Some(texture))
+    Ok(())
 }
 
 /// The channels R, G, B and A in that order, if there are none but those; else as they come. Where each stands among those that come.
