@@ -139,8 +139,8 @@ impl Arc {
 
     /// ∫ P dφ along each of the pieces of the line about the azimuth `centre`, or of its mirror image below the equator.
     fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Line {
-        let mut sums = vec![[0.0; 4]; self.size];
         let Some((a, b)) = self.circle else { return vec![[0.0; 3]; self.size] };
+        let mut sums = vec![[0.0; 4]; self.size];
         match &self.parts {
             Some(parts) => compiled_for!(
                 wedges.instructions,

@@ -167,15 +167,10 @@ fn project_radiance(panorama: &Panorama) -> Coefficients {
 
 /// Compares coefficients of E/π with an exact irradiance cube, at its texel centres.
 pub fn judge(coefficients: &Coefficients, exact: &Cube) -> IrradianceFit {
-    judge_function(&|direction| evaluate(coefficients, direction), exact)
+    judge_map(&|direction| evaluate(coefficients, direction), &exact.clone().into(), &Orientation::default())
 }
 
-/// Compares any function of the direction with an exact irradiance cube, at its texel centres.
-pub fn judge_function(function: &dyn Fn(DVec3) -> [f64; 3], exact: &Cube) -> IrradianceFit {
-    judge_map(function, &exact.clone().into(), &Orientation::default())
-}
-
-/// The same of a map of any layout, turned; the function is one of the world's direction.
+/// Compares any function of the world's direction with exact irradiance, at the texel centres of a map of any layout, turned.
 pub fn judge_map(function: &dyn Fn(DVec3) -> [f64; 3], exact: &SphereMap, orientation: &Orientation) -> IrradianceFit {
     let weights = exact.layout.solid_angles(exact.size);
     let (mut min, mut max) = (f64::INFINITY, 0.0f64);

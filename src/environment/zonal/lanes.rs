@@ -4,8 +4,7 @@
 //! may use. Every sum has one order. Where a sum of products takes most of the time, [`Arithmetic`] fuses multiplication and addition if
 //! the instruction set does; there results differ by rounding, 1e-16 of the largest term.
 //!
-//! (Lists of eight rather than closures, which are not compiled for the instructions that their caller chose where they are not inlined, or
-//! loops, which compilers leave in memory.)
+//! (Lists of eight rather than closures, which are not compiled for the instructions that their caller chose where they are not inlined.)
 
 /// Numbers in a vector.
 pub(in crate::environment) const LANES: usize = 8;
