@@ -132,20 +132,16 @@ impl Walk {
     #[inline(always)]
     pub fn advance<A: Arithmetic>(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
         if self.ready {
-            for k in 0..CHUNK {
-                out[k] = self.current;
-                self.step::<A>(cos, a[k]);
+            // In registers, two steps at a time: through memory each step would wait for the one before to be stored.
+            let (mut current, mut before) = (self.current, self.before);
+            for k in (0..CHUNK).step_by(2) {
+                (out[k], before) = (current, next::<A>(cos, a[k], current, before));
+                (out[k + 1], current) = (before, next::<A>(cos, a[k + 1], before, current));
             }
+            (self.current, self.before) = (current, before);
             return true;
         }
         self.advance_scaled::<A>(cos, a, out)
-    }
-
-    #[inline(always)]
-    fn step<A: Arithmetic>(&mut self, cos: V, a: f64) {
-        let next = A::mul_add(scale(cos, a), self.current, scale(self.before, -1.0));
-        self.before = self.current;
-        self.current = next;
     }
 
     #[inline(always)]
@@ -164,12 +160,18 @@ impl Walk {
             active |= mask != ZERO;
             for k in first..first + LOOK {
                 out[k] = mul(self.current, mask);
-                self.step::<A>(cos, a[k]);
+                (self.before, self.current) = (self.current, next::<A>(cos, a[k], self.current, self.before));
             }
         }
         self.ready = self.exponent == [0; LANES];
         active
     }
+}
+
+/// Q_(l+1).
+#[inline(always)]
+fn next<A: Arithmetic>(cos: V, a: f64, current: V, before: V) -> V {
+    A::mul_add(scale(cos, a), current, scale(before, -1.0))
 }
 
 /// Adds up two chunks.
