@@ -190,10 +190,13 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// P at every edge between rows, counted from a pole.
 pub(super) struct Wedges {
     pub(super) grid: Grid,
-    /// One line of `width` values of P for each edge of the grid's rows, three channels each, and one number more.
-    prefix: Vec<f64>,
+    /// [`BAND`] rows each: a line of `width` values of P for every edge of its rows, three channels each, and one number more.
+    bands: Vec<Vec<f64>>,
     instructions: InstructionSet,
 }
+
+/// Rows that are added up by one thread. (Where one band ends, the next begins with the same line.)
+const BAND: usize = 64;
 
 impl Wedges {
     /// The prefix integrals of `panorama − mean` over the first `rows` rows from the north pole, or from the south pole of
@@ -207,48 +210,57 @@ impl Wedges {
     ) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let grid = Grid::new(width, panorama.row_edges(), rows);
-        // Each band of rows from zero, on any thread; then what all bands above come to is added.
-        const BAND: usize = 64;
-        let line = 3 * width;
-        let mut prefix = vec![0.0; (rows + 1) * line + 1];
-        let end = prefix.len() - 1;
-        prefix[line..end].par_chunks_mut(BAND * line).enumerate().for_each(|(band, lines)| {
-            let mut above = vec![0.0; line];
-            for (row, line) in (band * BAND..).zip(lines.chunks_exact_mut(line)) {
-                let texels = panorama.row(if mirrored { height - 1 - row } else { row });
-                let row_height = grid.row_height(row);
-                let (line, above) = (line.as_chunks_mut::<3>().0, above.as_chunks_mut::<3>().0);
-                for ((below, above), texel) in line.iter_mut().zip(above).zip(texels) {
-                    for c in 0..3 {
-                        above[c] += (f64::from(texel[c]) - mean[c]) * row_height;
-                    }
-                    *below = *above;
+        let add_row = |row: usize, sums: &mut [f64]| {
+            let texels = panorama.row(if mirrored { height - 1 - row } else { row });
+            let row_height = grid.row_height(row);
+            for (sum, texel) in sums.as_chunks_mut::<3>().0.iter_mut().zip(texels) {
+                for c in 0..3 {
+                    sum[c] += (f64::from(texel[c]) - mean[c]) * row_height;
                 }
             }
-        });
-        let mut above = vec![0.0; line];
-        let bases: Vec<Vec<f64>> = prefix[line..end]
-            .chunks(BAND * line)
-            .map(|lines| {
-                let base = above.clone();
-                above.iter_mut().zip(&lines[lines.len() - line..]).for_each(|(a, l)| *a += l);
-                base
+        };
+        // What each band comes to, then each from what all bands above it come to: the same sums on any number of threads.
+        let rows_of = |band: usize| BAND * band..(BAND * (band + 1)).min(rows);
+        let alone = |band: usize| {
+            let mut sums = vec![0.0; 3 * width];
+            rows_of(band).for_each(|row| add_row(row, &mut sums));
+            sums
+        };
+        let alone: Vec<Vec<f64>> = (0..rows.div_ceil(BAND)).into_par_iter().map(alone).collect();
+        let mut above = vec![0.0; 3 * width];
+        let starts: Vec<Vec<f64>> = alone
+            .iter()
+            .map(|band| {
+                let start = above.clone();
+                above.iter_mut().zip(band).for_each(|(above, sum)| *above += sum);
+                start
             })
             .collect();
-        prefix[line..end].par_chunks_mut(BAND * line).zip(bases).skip(1).for_each(|(lines, base)| {
-            for line in lines.chunks_exact_mut(line) {
-                line.iter_mut().zip(&base).for_each(|(l, b)| *l += b);
-            }
-        });
-        Self { grid, prefix, instructions }
+        let bands = starts
+            .into_par_iter()
+            .enumerate()
+            .map(|(band, mut sums)| {
+                let rows = rows_of(band);
+                let mut lines = Vec::with_capacity((rows.len() + 1) * sums.len() + 1);
+                lines.extend_from_slice(&sums);
+                for row in rows {
+                    add_row(row, &mut sums);
+                    lines.extend_from_slice(&sums);
+                }
+                lines.push(0.0);
+                lines
+            })
+            .collect();
+        Self { grid, bands, instructions }
     }
 
     /// Adds ∫ P dφ over what a texel holds of an arc; the fourth number means nothing.
     #[inline(always)]
     pub(super) fn add<A: Arithmetic>(&self, part: Part, sum: &mut [f64; 4]) {
-        let index = 3 * (part.row * self.grid.width() + part.column);
+        let band = &self.bands[part.row / BAND];
+        let index = 3 * (part.row % BAND * self.grid.width() + part.column);
         let four = |at: usize| -> &[f64; 4] {
-            self.prefix[at..].first_chunk().expect("a number more than there are channels follows the last texel")
+            band[at..].first_chunk().expect("a number more than there are channels follows the last texel")
         };
         let (above, below) = (four(index), four(index + 3 * self.grid.width()));
         for c in 0..4 {

@@ -130,7 +130,7 @@ impl<'a> Zonal<'a> {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let rings = match &*last {
             Some((of, rings)) if of == kernel => rings.clone(),
-            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, plan.grid, self.instructions)),
+            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, plan.grid, self.instructions)),
         };
         *last = Some((*kernel, rings.clone()));
         drop(last);

@@ -20,13 +20,14 @@ const MARGIN: usize = 3;
 pub(super) struct Rings {
     rings: usize,
     columns: usize,
-    /// Eight rings of the north with their mirror images: column by column, with [`MARGIN`] more on each side, the rings in turn; the
-    /// fourth value is padding.
-    strips: Vec<Vec<[[f64; 4]; RINGS]>>,
+    /// What is added to the values that are kept, about their mean: where the sum is dark, its rounding is small too.
+    base: [f32; 3],
+    /// Eight rings of the north with their mirror images: column by column, with [`MARGIN`] more on each side.
+    strips: Vec<Vec<Across>>,
 }
 
-/// Rings of a strip: north, south, north, …
-const RINGS: usize = 2 * LANES;
+/// What the rings of a strip hold in one column: eight of the north, their mirror images; the fourth value is padding.
+type Across = [[f32; 4]; 2 * LANES];
 
 /// Eight rings of the north and their mirror images.
 struct Block {
@@ -35,13 +36,16 @@ struct Block {
 }
 
 impl Rings {
-    /// Σ λ_l f_lm Y_lm on `rings` × `columns` points (`columns` even and more than twice the degree of λ).
+    /// Σ λ_l f_lm Y_lm on `rings` × `columns` points (`columns` even and more than twice the degree of λ), of a function that was
+    /// made of one whose mean is `mean` by taking it off.
     pub fn new(
         coefficients: &Coefficients,
         eigenvalues: &[f64],
+        mean: [f64; 3],
         [rings, columns]: [usize; 2],
         instructions: InstructionSet,
     ) -> Self {
+        let base = mean.map(|m| (eigenvalues[0] * m) as f32);
         let degree = eigenvalues.len() - 1;
         debug_assert!(columns > 2 * degree && columns.is_multiple_of(2) && degree <= coefficients.degree);
         let blocks: Vec<Block> =
@@ -60,10 +64,10 @@ impl Rings {
             .into_par_iter()
             .map_init(
                 || [(); 4].map(|()| vec![Complex::ZERO; columns]),
-                |lines, b| compiled_for!(instructions, A => strip::<A>(b, &spectra, &fft, lines)),
+                |lines, b| compiled_for!(instructions, A => strip::<A>(b, &spectra, base, &fft, lines)),
             )
             .collect();
-        Self { rings, columns, strips }
+        Self { rings, columns, base, strips }
     }
 
     /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
@@ -84,16 +88,17 @@ impl Rings {
             let (mut even, mut odd) = ([0.0; 4], [0.0; 4]);
             for pair in 0..TAPS / 2 {
                 let k = 2 * pair;
+                let [left, right] = [taps[k][row], taps[k + 1][row]].map(|tap| tap.map(f64::from));
                 for c in 0..4 {
-                    even[c] = A::fused(taps[k][row][c], across[k], even[c]);
-                    odd[c] = A::fused(taps[k + 1][row][c], across[k + 1], odd[c]);
+                    even[c] = A::fused(left[c], across[k], even[c]);
+                    odd[c] = A::fused(right[c], across[k + 1], odd[c]);
                 }
             }
             for c in 0..4 {
                 sum[c] = A::fused(even[c] + odd[c], weight, sum[c]);
             }
         }
-        [sum[0], sum[1], sum[2]]
+        std::array::from_fn(|c| sum[c] - f64::from(self.base[c]))
     }
 
     /// A column of less than two turns.
@@ -105,7 +110,7 @@ impl Rings {
     /// The values around a column of a ring, and which of each column's they are. Over a pole, the ring on its other side comes half
     /// a turn away.
     #[inline(always)]
-    fn taps(&self, ring: isize, column: usize) -> (&[[[f64; 4]; RINGS]; TAPS], usize) {
+    fn taps(&self, ring: isize, column: usize) -> (&[Across; TAPS], usize) {
         let last = self.rings as isize - 1;
         let opposite = || self.within(column + self.columns / 2);
         let (ring, column) = match ring {
@@ -114,9 +119,9 @@ impl Rings {
             r => (r, column),
         };
         let (north, south) = (ring as usize, (last - ring) as usize);
-        let (pair, side) = if north <= south { (north, 0) } else { (south, 1) };
+        let (pair, side) = if north <= south { (north, 0) } else { (south, LANES) };
         let taps = self.strips[pair / LANES][column + MARGIN + 1 - TAPS / 2..].first_chunk();
-        (taps.expect("a column lies within its ring, which has margins on both sides"), 2 * (pair % LANES) + side)
+        (taps.expect("a column lies within its ring, which has margins on both sides"), pair % LANES + side)
     }
 }
 
@@ -248,14 +253,15 @@ fn synthesise_order<A: Arithmetic>(
     result
 }
 
-/// The rings of one block, each pair as two: north, south. What `lines` hold, a channel each and one to spare, is lost.
+/// The rings of one block, and their mirror images. What `lines` hold, a channel each and one to spare, is lost.
 #[inline(always)]
 fn strip<A: Arithmetic>(
     block: usize,
     spectra: &[Vec<[V; 2 * PARTS]>],
+    base: [f32; 3],
     fft: &Fft,
     lines: &mut [Vec<Complex>; 4],
-) -> Vec<[[f64; 4]; RINGS]> {
+) -> Vec<Across> {
     let [red, green, blue, spare] = lines;
     let columns = spare.len();
     for (channel, x) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
@@ -276,12 +282,17 @@ fn strip<A: Arithmetic>(
         fft.forward::<A>(x, spare);
     }
     let mut strip = Vec::with_capacity(columns + 2 * MARGIN);
-    strip.resize(MARGIN, [[0.0; 4]; RINGS]);
+    strip.resize(MARGIN, [[0.0; 4]; 2 * LANES]);
+    let base = base.map(f64::from);
     strip.extend(red.iter().zip(&*green).zip(&*blue).map(|((r, g), b)| {
-        std::array::from_fn(|ring| match (ring / 2, ring % 2) {
-            (lane, 0) => [r.re[lane], g.re[lane], b.re[lane], 0.0],
-            (lane, _) => [-r.im[lane], -g.im[lane], -b.im[lane], 0.0],
-        })
+        let mut across = [[0.0; 4]; 2 * LANES];
+        for (c, x) in [r, g, b].into_iter().enumerate() {
+            for lane in 0..LANES {
+                across[lane][c] = (base[c] + x.re[lane]) as f32;
+                across[LANES + lane][c] = (base[c] - x.im[lane]) as f32;
+            }
+        }
+        across
     }));
     for k in 0..MARGIN {
         strip[k] = strip[columns + k];
