@@ -6,6 +6,7 @@ mod environment;
 mod precision;
 mod table;
 
+pub(crate) use environment::Spread;
 pub use environment::{CubeLevel, EnvironmentValues};
 pub use precision::{MOST_BLOCK_ERROR, Precision};
 pub use table::TableValues;
@@ -44,7 +45,7 @@ impl Check {
     }
 }
 
-/// Texels at which the other witness is asked, at every bake.
+/// Texels at which the other witness is asked.
 pub const WITNESS_POINTS: usize = 64;
 /// Standard errors that a random value may be off by. For 32 replicates the estimated standard error follows Student's t of 31 degrees: one value
 /// in 70,000 is further off than 5; 64 points of a few channels give one false alarm in some hundred bakes, so 6 (one in 10⁶).

@@ -2,7 +2,7 @@
 
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
-use crate::check::{Check, CubeLevel, EnvironmentValues, Precision};
+use crate::check::{Check, CubeLevel, EnvironmentValues, Precision, Spread, WITNESS_POINTS};
 use crate::environment::chain::{ChainSpec, LevelReport, MapLevel, maps_and_irradiance_beside};
 use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
@@ -214,10 +214,12 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let mut checks = vec![];
     // The same function would make the same average again.
     let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(map, _)| map);
+    let sampled = specular.iter().chain([&irradiance]).any(|(_, report)| report.samples > 0);
+    let spread = if sampled { Spread::Over(WITNESS_POINTS) } else { Spread::MEASURED };
     for cube in &cubes {
         let judged = cube.values(recipe)?;
         checks.extend(judged.facts(panorama.min().into_iter().any(|v| v < 0.0)));
-        checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, false));
+        checks.extend(judged.against_truth(&truth, average, panorama, recipe.integration.seed, spread));
     }
     checks.extend(level_zero_flux(&specular[0].1));
     let bands = (recipe.sh_bands > 3).then(|| Bands::new(panorama, recipe.sh_bands, judge));

@@ -34,6 +34,20 @@ pub struct CubeLevel {
     pub rms_error: f64,
 }
 
+/// At which texels the full sum is asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Spread {
+    /// At all of them.
+    All,
+    /// At so many all over the sphere, and at some where filters fail.
+    Over(usize),
+}
+
+impl Spread {
+    /// Of a bake, whose filter has just been measured against the full sum where it fails: what is left to find is values in wrong places.
+    pub const MEASURED: Self = Self::Over(WITNESS_POINTS / 4);
+}
+
 /// The cubes of an environment.
 #[derive(Debug, Clone, Copy)]
 pub struct EnvironmentValues<'a> {
@@ -105,7 +119,8 @@ impl EnvironmentValues<'_> {
     /// The cubes against the panorama: level 0 against the exact area average at every texel, the others against the full
     /// sum at texels of the check's own choosing (at all of them if `full`), and a constant panorama against itself.
     pub fn against(&self, panorama: &Panorama, seed: u64, full: bool) -> Vec<Check> {
-        self.against_truth(&FullSum::new(panorama), None, panorama, seed, full)
+        let spread = if full { Spread::All } else { Spread::Over(WITNESS_POINTS) };
+        self.against_truth(&FullSum::new(panorama), None, panorama, seed, spread)
     }
 
     /// The same, with a full sum and an area average of the panorama that others use too.
@@ -115,7 +130,7 @@ impl EnvironmentValues<'_> {
         average: Option<&SphereMap>,
         panorama: &Panorama,
         seed: u64,
-        full: bool,
+        spread: Spread,
     ) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
@@ -153,11 +168,13 @@ impl EnvironmentValues<'_> {
                 checks.push(self.lookup_check(level, panorama, sum, &kernel, claimed, seed));
                 continue;
             }
-            let texels = if full { all(level) } else { self.chosen(level, sum.sun(), seed) };
-            let name = if full {
-                "full sum at every texel".to_owned()
-            } else {
-                format!("full sum at {} texels", texels.len())
+            let (texels, name) = match spread {
+                Spread::All => (all(level), "full sum at every texel".to_owned()),
+                Spread::Over(n) => {
+                    let texels = self.chosen(level, sum.sun(), n, seed);
+                    let name = format!("full sum at {} texels", texels.len());
+                    (texels, name)
+                }
             };
             let truth = |texel: usize| sum.evaluate(self.world(level, texel), &kernel);
             checks.extend(self.worst(&name, level, self.compare(level, panorama, texels, truth, false)));
@@ -167,9 +184,9 @@ impl EnvironmentValues<'_> {
 
     /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
     /// it, opposite to it, and in the corners of the faces.
-    fn chosen(&self, level: &CubeLevel, sun: DVec3, seed: u64) -> Vec<usize> {
+    fn chosen(&self, level: &CubeLevel, sun: DVec3, spread: usize, seed: u64) -> Vec<usize> {
         let n = level.texels.len();
-        let mut texels: Vec<usize> = weyl(seed, WITNESS_POINTS).map(|t| (t * n as f64) as usize).collect();
+        let mut texels: Vec<usize> = weyl(seed, spread).map(|t| (t * n as f64) as usize).collect();
         let (side, up) = sun.any_orthonormal_pair();
         let ring = (0..8).map(|i| {
             let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
@@ -231,7 +248,7 @@ impl EnvironmentValues<'_> {
         seed: u64,
     ) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let all = self.chosen(level, sum.sun(), seed);
+        let all = self.chosen(level, sum.sun(), WITNESS_POINTS, seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
         let sums: Vec<[f64; 3]> = texels.iter().map(|&texel| lobe.sum(panorama, self.world(level, texel))).collect();
@@ -283,7 +300,7 @@ impl EnvironmentValues<'_> {
         let map = self.map(level);
         let mean = panorama.mean();
         let n = level.texels.len() as f64;
-        let centres = self.chosen(level, sum.sun(), seed);
+        let centres = self.chosen(level, sum.sun(), WITNESS_POINTS, seed);
         let anywhere = weyl(seed, LOOKUPS).map(|a| {
             // A spiral of even density over the sphere, from a start that the seed names.
             let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);

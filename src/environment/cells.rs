@@ -90,7 +90,8 @@ pub(super) enum Threads {
 }
 
 impl Threads {
-    fn map<T: Send>(self, n: usize, f: impl Fn(usize) -> T + Send + Sync) -> Vec<T> {
+    /// `f` of 0 … n − 1.
+    pub(super) fn map<T: Send>(self, n: usize, f: impl Fn(usize) -> T + Send + Sync) -> Vec<T> {
         match self {
             Self::One => (0..n).map(f).collect(),
             Self::All => (0..n).into_par_iter().map(f).collect(),

@@ -53,12 +53,29 @@ struct Whole {
     /// cos φ and sin φ of the points of the three smallest rules, one of which nearly every texel takes: its first in every column, then
     /// its second, and so on.
     azimuths: [Vec<(f64, f64)>; BULK_RULES],
-    /// Whether the row holds anything beyond the base.
-    occupied: Vec<bool>,
+    rows: Vec<Parallel>,
     /// The channels one by one, of a panorama that is not too large.
     apart: Option<[Vec<f32>; 3]>,
     /// What is far from the lobe's axis and from its horizon is summed by these.
     cells: Option<Cells>,
+}
+
+/// A row of texels.
+#[derive(Debug)]
+struct Parallel {
+    /// Whether it holds anything beyond the base.
+    occupied: bool,
+    theta: [f64; 2],
+    /// sin θ and cos θ of the middle.
+    middle: (f64, f64),
+    /// The same of the points of the three smallest rules.
+    points: [Vec<(f64, f64)>; BULK_RULES],
+    /// sin θ of its widest parallel.
+    widest: f64,
+    /// Of a texel.
+    solid_angle: f64,
+    /// What a texel holds beyond the base, at least, if its part across the horizon must be exact: 1e-4 of all that the panorama does.
+    bright: [f64; 3],
 }
 
 /// A box in φ and θ.
@@ -118,15 +135,33 @@ impl<'a> FullSum<'a> {
             positions.map(|at| TAU * at / panorama.width() as f64 - PI).map(|phi| (phi.cos(), phi.sin())).collect()
         };
         let azimuths = std::array::from_fn(|i| of_rule(&self.rules[i]));
-        let beyond = |row: usize| panorama.row(row).iter().any(|t| t.map(f64::from) != self.base);
         let (column, row, _) = panorama.peak();
         Whole {
             sun: panorama.texel_box(column, row).middle(),
             azimuths,
-            occupied: (0..panorama.height()).map(beyond).collect(),
+            rows: on.map(panorama.height(), |row| self.parallel(row)),
             apart: (panorama.texels().len() <= LARGEST_APART)
                 .then(|| std::array::from_fn(|c| panorama.texels().iter().map(|t| t[c]).collect())),
             cells: self.by_cells.then(|| Cells::new(panorama, self.base, self.instructions, on)).flatten(),
+        }
+    }
+
+    fn parallel(&self, row: usize) -> Parallel {
+        let (panorama, height) = (self.panorama, self.panorama.height() as f64);
+        let theta = [PI * row as f64 / height, PI * (row + 1) as f64 / height];
+        let (dtheta, middle) = (theta[1] - theta[0], (theta[0] + theta[1]) / 2.0);
+        let solid_angle = panorama.solid_angle(row);
+        let (mean, all) = (panorama.mean(), 4.0 * PI / solid_angle);
+        Parallel {
+            occupied: panorama.row(row).iter().any(|t| t.map(f64::from) != self.base),
+            theta,
+            middle: middle.sin_cos(),
+            points: std::array::from_fn(|rule| {
+                self.rules[rule].nodes.iter().map(|t| (theta[0] + t * dtheta).sin_cos()).collect()
+            }),
+            widest: if (middle - PI / 2.0).abs() <= dtheta { 1.0 } else { theta[0].sin().max(theta[1].sin()) },
+            solid_angle,
+            bright: std::array::from_fn(|c| (1e-4 * all * (mean[c] - self.base[c])).max(0.0)),
         }
     }
 
@@ -152,8 +187,9 @@ impl<'a> FullSum<'a> {
         for Left { rows, columns } in left {
             let columns = columns.start..columns.end.min(width);
             let weights = &mut weights[..columns.len()];
-            for row in (rows.start..rows.end.min(height)).filter(|&row| whole.occupied[row]) {
-                if self.row_weights((row, columns.clone()), &lobe, (bulk, &along), weights) {
+            for row in (rows.start..rows.end.min(height)).filter(|&row| whole.rows[row].occupied) {
+                let place = (&whole.rows[row], row, columns.clone());
+                if self.row_weights(place, &lobe, (bulk, &along), weights) {
                     let part = self.row_sum(whole, row, columns.clone(), weights);
                     (0..3).for_each(|c| sum[c].add(part[c]));
                 }
@@ -215,20 +251,18 @@ impl<'a> FullSum<'a> {
     /// Integrals of the kernel over some texels of a row; false if the whole row is below the horizon.
     fn row_weights(
         &self,
-        (row, columns): (usize, Range<usize>),
+        (place, row, columns): (&Parallel, usize, Range<usize>),
         lobe: &Lobe,
         (bulk, along): (usize, &[f64]),
         weights: &mut [f64],
     ) -> bool {
-        let (width, height) = (self.panorama.width(), self.panorama.height());
-        let theta = [PI * row as f64 / height as f64, PI * (row + 1) as f64 / height as f64];
+        let width = self.panorama.width();
+        let &Parallel { theta, widest, middle: (sin, cos), .. } = place;
         let (dtheta, dphi) = (theta[1] - theta[0], TAU / width as f64);
-        let middle = (theta[0] + theta[1]) / 2.0;
         // The widest parallel of the row; the half-diagonal bounds the angle between a texel's centre and its points.
-        let widest = if (middle - PI / 2.0).abs() <= dtheta { 1.0 } else { theta[0].sin().max(theta[1].sin()) };
         let extent = dtheta.max(widest * dphi);
         let reach = 0.5 * dtheta.hypot(widest * dphi) * 1.01;
-        if lobe.axis.y * middle.cos() + lobe.horizontal * middle.sin() < -reach {
+        if lobe.axis.y * cos + lobe.horizontal * sin < -reach {
             return false;
         }
 
@@ -238,8 +272,7 @@ impl<'a> FullSum<'a> {
         self.instructions.run(
             #[inline(always)]
             || {
-                for (t, weight) in rule.iter() {
-                    let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
+                for (&(sin, cos), weight) in place.points[bulk].iter().zip(&rule.weights) {
                     let (up, scale) = (lobe.axis.y * cos, weight * sin * dtheta * dphi);
                     for (along, weight) in along.chunks_exact(width).zip(&rule.weights) {
                         let (at, along) = ([up, sin, scale * weight], &along[columns.clone()]);
@@ -252,7 +285,6 @@ impl<'a> FullSum<'a> {
         // Then mend the texels for which that is not enough: near the axis, and across the horizon.
         let [near_from, belt] = lobe.kernel.rough_parts(extent / RULES[bulk].1, reach);
         let flat = is_flat(extent, lobe.kernel);
-        let (sin, cos) = middle.sin_cos();
         let up = lobe.axis.y * cos;
         let first = &along[columns.clone()];
         // (The middle of the column to half its width: the margins of both criteria are wider.)
@@ -269,10 +301,10 @@ impl<'a> FullSum<'a> {
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
                 let c = up + sin * a;
                 let near = c > near_from;
-                if !near && c.abs() < reach && flat && !self.is_bright(row, column) {
+                if !near && c.abs() < reach && flat && !self.is_bright(place, row, column) {
                     let down = 0.5 * dtheta * (cos * a - sin * lobe.axis.y);
                     let across = 0.5 * dphi * sin * (lobe.horizontal * lobe.horizontal - a * a).max(0.0).sqrt();
-                    *weight = self.panorama.solid_angle(row) * flat_horizon(c, [down, across], lobe.kernel);
+                    *weight = place.solid_angle * flat_horizon(c, [down, across], lobe.kernel);
                 } else if (near && c > -reach) || c.abs() < belt {
                     *weight = self.patch(Patch { phi: [phi, phi + dphi], theta }, lobe);
                 }
@@ -298,15 +330,10 @@ impl<'a> FullSum<'a> {
         true
     }
 
-    /// Whether a texel holds so much light that its part across the horizon must be exact: 1e-4 of all beyond the base.
-    fn is_bright(&self, row: usize, column: usize) -> bool {
+    /// Whether a texel holds so much light that its part across the horizon must be exact.
+    fn is_bright(&self, place: &Parallel, row: usize, column: usize) -> bool {
         let texel = self.panorama.row(row)[column];
-        let solid_angle = self.panorama.solid_angle(row);
-        let mean = self.panorama.mean();
-        (0..3).any(|c| {
-            let beyond = (f64::from(texel[c]) - self.base[c]) * solid_angle;
-            beyond > 1e-4 * 4.0 * PI * (mean[c] - self.base[c]) && beyond > 0.0
-        })
+        (0..3).any(|c| f64::from(texel[c]) - self.base[c] > place.bright[c])
     }
 
     /// ∫ K over one texel, counted row by row.

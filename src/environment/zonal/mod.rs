@@ -290,7 +290,8 @@ impl Part {
         let (mean, whole) = (rest.mean, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
         let norm2 = rest.sum(|texel| std::array::from_fn(|c| (f64::from(texel[c]) - mean[c]).powi(2)));
-        let rule = row_rule(narrowest, degree, panorama.height());
+        let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
+        let rule = row_rule(narrowest, kinked.map(Plan::degree).max().unwrap_or(0), panorama.height());
         let mut coefficients = analyse(&rest, degree, &rule, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];

@@ -190,17 +190,19 @@ fn grid(width: f64, degree: usize) -> [usize; 2] {
 
 /// Gauss points for a row, on [0, 1].
 ///
-/// The kernel's singularities lie `narrowest` away, so n points on a part of height h leave (h/4 narrowest)^2n. A row higher than the
-/// kernel is wide is cut into parts. A kink has no width: points enough for the highest degree are taken too.
+/// The kernels' singularities lie `narrowest` away, so n points on a part of height h leave (h/4 narrowest)^2n. A row higher than the
+/// kernel is wide is cut into parts. A kink has no width: points enough for the `degree` of the kernels that have one are taken too.
 pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
     /// Of a part: 0.3^12 is 5e-7.
     const LARGEST: f64 = 0.3;
+    /// What two points or more may leave.
+    const LEFT: f64 = 5e-6;
     let row = PI / height as f64;
     let ratio = row / (4.0 * narrowest);
     let turn = 0.5 * row * degree as f64;
     let parts = (ratio / LARGEST).max(turn / 5.0).ceil().max(1.0);
     let n =
-        (2..6).find(|&n| (ratio / parts).powi(2 * n) < 1e-6 && turn / parts <= f64::from(n - 1)).unwrap_or(6) as usize;
+        (2..6).find(|&n| (ratio / parts).powi(2 * n) < LEFT && turn / parts <= f64::from(n - 1)).unwrap_or(6) as usize;
     let part = gauss_legendre(n);
     let nodes = (0..parts as usize).flat_map(|i| part.nodes.iter().map(move |t| (i as f64 + t) / parts)).collect();
     let weights = part.weights.iter().map(|w| w / parts).cycle().take(n * parts as usize).collect();
