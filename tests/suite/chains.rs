@@ -376,7 +376,7 @@ fn chains_of_squares_and_of_panoramas_are_judged_as_cubes_are() {
     let source = panorama();
     for (layout, size) in [(SphereLayout::Octahedral, 24), (SphereLayout::Equirect, 16)] {
         let mut chain = flat_chain(&source, layout, size);
-        let verdict = judge_maps(&chain, &asked(&source, None)).unwrap();
+        let verdict = judge_maps(&chain, &asked(&source, Some(KernelKind::Nol))).unwrap();
         let orientation = verdict.orientation.as_ref().unwrap();
         assert_eq!(orientation.turn.unwrap().formula(), "(−x, y, z)", "{layout}: {orientation:?}");
         assert!(orientation.mirrored && orientation.as_good == 0, "{layout}: {orientation:?}");
@@ -385,21 +385,16 @@ fn chains_of_squares_and_of_panoramas_are_judged_as_cubes_are() {
             let found = level.roughness.expect("a known roughness");
             assert!((found - wanted).abs() < 5e-3, "{layout}, wanted {wanted}: {level:?}");
         }
-        // Against what it is: the judge's filter and the sum are each known to 1e-5, texels are rounded to f32.
+        // Against what it is, but for the last: the judge's filter and the sum are each known to 1e-5, texels are rounded to f32.
         let claim = Question {
-            roughness: Some(ROUGHNESS.to_vec()),
+            roughness: Some(vec![0.0, 0.5, 0.9]),
             max_error: Some(3e-5),
             ..asked(&source, Some(KernelKind::Nol))
         };
-        let exact = judge_maps(&chain, &claim).unwrap();
-        assert!(exact.checks.iter().all(|check| check.passed), "{layout}: {:?}", exact.checks);
-        // Against what it is not.
-        let wrong = Question { roughness: Some(vec![0.0, 0.6, 1.0]), ..claim.clone() };
-        let failed: Vec<String> = (judge_maps(&chain, &wrong).unwrap().checks.into_iter())
-            .filter(|check| !check.passed)
-            .map(|check| check.subject)
-            .collect();
-        assert_eq!(failed, ["level 1"], "{layout}");
+        let checks = judge_maps(&chain, &claim).unwrap().checks;
+        let failed: Vec<&str> =
+            checks.iter().filter(|check| !check.passed).map(|check| check.subject.as_str()).collect();
+        assert_eq!(failed, ["level 2"], "{layout}: {checks:?}");
         // A texel that is three times too bright, and all of a level by π.
         chain[1].texels[37] = chain[1].texels[37].map(|v| 3.0 * v);
         chain[2].texels.iter_mut().flatten().for_each(|v| *v *= std::f32::consts::PI);
