@@ -683,8 +683,7 @@ impl Compared<'_> {
         let (mut max, mut worst) = (0.0_f64, (0, 0));
         let (mut squares, mut unscaled, mut weights) = (0.0, 0.0, 0.0);
         let (mut fireflies, mut brightest) = (0, (0.0_f64, 0));
-        for i in 0..self.truth.len() {
-            let weight = solid_angles[i];
+        for (i, &weight) in solid_angles.iter().enumerate() {
             weights += 3.0 * weight;
             for c in 0..3 {
                 let off = relative(i, c, 1.0);
