@@ -409,7 +409,7 @@ fn chains_of_squares_and_of_panoramas_are_judged_as_cubes_are() {
 }
 
 #[test]
-fn files_of_squares_panoramas_and_atlases_are_compared_with_their_source() {
+fn files_of_squares_and_panoramas_are_compared_with_their_source() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let bake = |out: &str, flags: &[&str]| {
