@@ -95,6 +95,9 @@ fn text(name: &str, found: &Identification) -> String {
         text += &format!("in short: {}\n", found.words.join(", "));
     }
     for c in &found.channels {
+        for same in &c.same {
+            text += &format!("{}: {same} comes to the same numbers, nothing tells them apart\n", c.channel);
+        }
         if let Some(runner_up) = &c.runner_up {
             text += &if c.quantity.is_some() {
                 format!(

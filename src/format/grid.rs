@@ -27,6 +27,8 @@ pub enum Stored {
 
 /// Values that must be there before their all being multiples of 1/255 proves anything.
 const ENOUGH_LEVELS: usize = 8;
+/// Places that some of a table's floats have at least, if each is printed as the shortest decimal that is read as it.
+const FLOAT_PLACES: u32 = 7;
 /// Places that a decimal has at most before it says nothing about rounding.
 const MOST_PLACES: u32 = 17;
 
@@ -72,8 +74,10 @@ impl Stored {
         let printed = 0.5 * 10_f64.powi(-(places as i32)) * (1.0 + 1e-9);
         let is_half = |v: f64| {
             let half = f64::from(half::f16::from_f64(v));
+            // Printed as a float, it has no more places than tell it from other floats.
+            let as_float = places >= FLOAT_PLACES && half == f64::from(v as f32);
             // Decimals coarser than halves cannot tell.
-            (half - v).abs() <= printed && printed < 0.25 * binary16::ulp(v)
+            as_float || ((half - v).abs() <= printed && printed < 0.25 * binary16::ulp(v))
         };
         let telling = values.iter().filter(|v| v.fract() != 0.0).count();
         if telling >= 2 && values.iter().all(|&v| v == 0.0 || v.fract() == 0.0 || is_half(v)) {
@@ -349,6 +353,11 @@ impl Grid {
     /// Number of texels.
     pub fn texels(&self) -> usize {
         self.size.iter().product()
+    }
+
+    /// The mean distance of neighbouring texels, in parts of that of any two.
+    pub(crate) fn roughness(&self) -> f64 {
+        roughness(&self.values, Shape { size: self.size, channels: self.channels.len() }, false)
     }
 
     /// The values of channel `c`, in the order of the texels.
@@ -781,6 +790,9 @@ mod tests {
         assert_eq!(Stored::of_floats(&bytes, Stored::F32), Stored::Unorm(8));
         let halves: Vec<f64> = (0..50).map(|i| f64::from(half::f16::from_f64(0.013 * f64::from(i)))).collect();
         assert_eq!(Stored::of_floats(&halves, Stored::F32), Stored::F16);
+        // As Rust and JavaScript print floats: 0.9995117 is 0.99951171875.
+        assert_eq!(Stored::of_decimals(&[0.93115234, 0.9897461, 0.9995117, 1.0], 8), Stored::F16);
+        assert_eq!(Stored::of_decimals(&[0.93115234, 0.9897461, 0.9995118, 1.0], 8), Stored::Decimal(8));
         let floats: Vec<f64> = (0..50).map(|i| f64::from(0.013_f32 * i as f32)).collect();
         assert_eq!(Stored::of_floats(&floats, Stored::F32), Stored::F32);
     }

@@ -37,6 +37,8 @@ pub struct ChannelFinding {
     pub times_rounding: Option<f64>,
     /// The best of the other explanations.
     pub runner_up: Option<RunnerUp>,
+    /// Explanations that come to the same numbers: nothing in the file tells them apart.
+    pub same: Vec<String>,
 }
 
 /// An explanation that is not the best.
@@ -87,12 +89,20 @@ pub(super) fn explain(
     let mut channels = vec![];
     let (mut claim, mut as_it_is) = (Claim::default(), Claim::default());
     let mut surest: Option<(f64, Hypothesis)> = None;
-    for (c, channel) in grid.channels.iter().enumerate() {
+    // The best explanation of a channel that is certain by itself: the other channels are of the same table.
+    let certain = varying
+        .iter()
+        .zip(data.iter().zip(&ranked))
+        .filter(|&(&c, (data, ranked))| found(grid, c, data, ranked, None).confidence == Confidence::Certain)
+        .map(|(_, (data, ranked))| (ranked[0].trimmed / data.spread, &ranked[0]))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, best)| best);
+    for c in 0..grid.channels.len() {
         let Some(i) = varying.iter().position(|&v| v == c) else {
             channels.push(constant(grid, c));
             continue;
         };
-        let finding = found(channel.name.clone(), channel.stored, &data[i], &ranked[i]);
+        let finding = found(grid, c, &data[i], &ranked[i], certain);
         if finding.confidence > Confidence::Unknown
             && let Some(best) = ranked[i].first()
         {
@@ -148,13 +158,15 @@ fn constant(grid: &Grid, c: usize) -> ChannelFinding {
         relative: None,
         times_rounding: None,
         runner_up: None,
+        same: vec![],
     }
 }
 
-fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> ChannelFinding {
+/// What channel `c` holds, given an explanation of another that is certain.
+fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<&Ranked>) -> ChannelFinding {
     let unknown = ChannelFinding {
-        channel,
-        stored,
+        channel: grid.channels[c].name.clone(),
+        stored: grid.channels[c].stored,
         confidence: Confidence::Unknown,
         holds: "unknown".to_owned(),
         quantity: None,
@@ -164,15 +176,22 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
         relative: None,
         times_rounding: None,
         runner_up: None,
+        same: vec![],
     };
     let Some(best) = ranked.first() else { return unknown };
-    let runner_up = ranked[1..].iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
+    let relative = best.trimmed / data.spread;
+    let times_rounding = best.rms / data.rounding.max(1e-7);
+    let (same, mut others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
+    // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
+    // over other axes, cropped and stretched as they had to be, is no rival.
+    if let Some(certain) = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best)) {
+        others.retain(|other| best.is_rivalled_by(other, certain));
+    }
+    let runner_up = others.into_iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
         what: what(&second.hypothesis),
         residual: second.rms,
         times: (second.trimmed + data.rounding) / (best.trimmed + data.rounding),
     });
-    let relative = best.trimmed / data.spread;
-    let times_rounding = best.rms / data.rounding.max(1e-7);
     let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
     let encoding = best.hypothesis.encoding;
     let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
@@ -214,6 +233,8 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
         relative: figures.1,
         times_rounding: figures.2,
         runner_up,
+        // Not what turns the numbers round to come to the same.
+        same: same.into_iter().filter(|r| r.hypothesis.encoding == encoding).map(|r| what(&r.hypothesis)).collect(),
         ..unknown
     }
 }

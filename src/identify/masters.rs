@@ -250,6 +250,16 @@ pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f6
     let stride: usize = sizes[..d].iter().product();
     let outer: usize = sizes[d + 1..].iter().product();
     let (from, to) = (sizes[d], taps.len());
+    if d == 0 && from >= 4 {
+        // Lines of one number each: four at a time instead.
+        return values
+            .chunks_exact(from)
+            .flat_map(|line| {
+                taps.iter()
+                    .map(|tap| line[tap.first..tap.first + 4].iter().zip(&tap.weights).map(|(v, w)| v * w).sum::<f64>())
+            })
+            .collect();
+    }
     let mut shrunk = vec![0.0; stride * to * outer];
     for o in 0..outer {
         for (t, tap) in taps.iter().enumerate() {

@@ -100,9 +100,9 @@ impl Identification {
         faults.iter().map(|fault| format!("the table is {fault}; it is judged as it should be")).collect()
     }
 
-    /// What the worst channel leaves, in parts of its variation.
-    fn left(&self) -> f64 {
-        self.channels.iter().filter_map(|c| c.relative).fold(0.0, f64::max)
+    /// What the worst channel leaves, in parts of what rounding does.
+    fn times_rounding(&self) -> f64 {
+        self.channels.iter().filter_map(|c| c.times_rounding).fold(0.0, f64::max)
     }
 
     /// The channels that nothing explains, in sentences.
@@ -121,6 +121,8 @@ const FITTED: usize = 14;
 /// Texels along each dimension at which a hypothesis is judged by quadrature at most, and one whose integrals are dear.
 const JUDGED: [usize; 3] = [512, 48, 12];
 const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 8];
+/// What values may be off by when hypotheses are judged by them.
+const JUDGED_TO: f64 = 1e-6;
 /// Families whose values take longest, by their masters.
 const DEAR: [&str; 4] = ["dielectric.albedo", "dielectric.albedo_avg", "compensation.none", "layered.albedo"];
 /// What is left by the masters, in parts of a channel's variation, above which quadrature has nothing to add: it will not be believed.
@@ -131,25 +133,41 @@ const GOOD: f64 = 0.01;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
 
+/// How much rougher a file must be, read in one way, than in another that explains it, not to be looked at.
+const CLEARLY_ROUGHER: f64 = 1.3;
+
 /// Finds out what `grid` holds; where its bytes make no sense as they are, what they hold as codes of a packing.
 ///
 /// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
 pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
-    let mut best = identify_numbers(grid, options)?;
     // Codes that all have the same fourth byte are as good as a curve.
-    let codes = grid.channels.len() == 4 && channel_data(grid, 3, &[]).is_some();
-    for packing in PACKINGS {
-        if !codes || best.confidence >= Confidence::Likely {
+    let codes = grid.channels.len() == 4 && grid.channel(3).windows(2).any(|w| w[0] != w[1]);
+    let unpacked: Vec<(TexelFormat, Grid)> = if codes {
+        PACKINGS.into_iter().filter_map(|packing| Some((packing, grid.unpacked(packing)?))).collect()
+    } else {
+        vec![]
+    };
+    let mut readings = vec![(grid.roughness(), None, grid)];
+    readings.extend(unpacked.iter().map(|(packing, grid)| (grid.roughness(), Some(*packing), grid)));
+    readings.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals, the file as it is
+    let smooth = CLEARLY_ROUGHER * readings[0].0;
+    let mut best: Option<Identification> = None;
+    for (roughness, packing, grid) in readings {
+        // Where the factor of four bytes steps, so do the bytes: read as what they are, tables are smooth.
+        if roughness > smooth && best.as_ref().is_some_and(|best| best.confidence >= Confidence::Likely) {
             break;
         }
-        let Some(unpacked) = grid.unpacked(packing) else { continue };
-        let other = identify_numbers(&unpacked, options)?;
-        if other.confidence > Confidence::Unknown && (other.confidence, -other.left()) > (best.confidence, -best.left())
-        {
-            best = Identification { packing: Some(packing), ..other };
+        let found = Identification { packing, ..identify_numbers(grid, options)? };
+        // Of readings that explain nothing, the file as it is.
+        let rank = |i: &Identification| match i.confidence {
+            Confidence::Unknown => (i.confidence, if i.packing.is_none() { 1.0 } else { 0.0 }),
+            sure => (sure, -i.times_rounding()),
+        };
+        if best.as_ref().is_none_or(|best| rank(&found) > rank(best)) {
+            best = Some(found);
         }
     }
-    Ok(best)
+    best.ok_or_else(|| Error::invalid("a table of nothing", "give one with texels"))
 }
 
 fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
@@ -212,6 +230,25 @@ struct Ranked {
     rms: f64,
     /// The same without the worst tenth.
     trimmed: f64,
+    /// What it says of the texels at which it was judged; empty where it is not to be believed.
+    says: Vec<f64>,
+}
+
+impl Ranked {
+    /// Whether both say the same of every texel, as far as quadrature tells.
+    fn same_numbers(&self, other: &Self) -> bool {
+        let pairs = || self.says.iter().zip(&other.says);
+        let near = |(a, b): (&f64, &f64)| a.is_nan() == b.is_nan() && !((a - b).abs() > 2.0 * JUDGED_TO);
+        !self.says.is_empty() && self.says.len() == other.says.len() && pairs().all(near)
+    }
+
+    /// Whether another channel of the same table, of which it is certain what it holds, leaves `other` as a rival: it does where this one
+    /// stands for other places or another model than that channel, or where `other` stands for the same and is another quantity.
+    fn is_rivalled_by(&self, other: &Self, certain: &Self) -> bool {
+        let model = |r: &Self| r.hypothesis.master.definition.model;
+        let is_known = |r: &Self| r.hypothesis.ramps == certain.hypothesis.ramps && model(r) == model(certain);
+        !is_known(self) || is_known(other)
+    }
 }
 
 /// The best hypotheses of each channel, fitted and judged, the best first.
@@ -224,7 +261,7 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
     let rounds: [(usize, &[Curve], Arrangement); 4] = [
         (n_axes, &[Curve::Plain], Arrangement::Whole),
         (n_axes, &[Curve::Plain], Arrangement::Cropped),
-        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma], Arrangement::Whole),
+        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma, Curve::Root], Arrangement::Whole),
         (n_axes + 1, &[Curve::Plain], Arrangement::Whole),
     ];
     for (master_axes, curves, arrangement) in rounds {
@@ -290,21 +327,23 @@ fn says(h: &Hypothesis) -> String {
 fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     if hypothesis.relative(data) > NOT_TO_BE_BELIEVED {
         let left = hypothesis.residual;
-        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left });
+        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left, says: vec![] });
     }
     let definition = &hypothesis.master.definition;
     let family = definition.handle.family;
     let dear = DEAR.contains(&definition.handle.quantity.name) || !family.has_quadrature();
     let most = if dear { JUDGED_IF_DEAR } else { JUDGED };
     let choice = search::choice(&data.sizes, most[data.sizes.len() - 1]);
-    let settings =
-        Settings { tolerance: Some(1e-6), samples: (!family.has_quadrature()).then_some(4096), ..Settings::default() };
+    let settings = Settings {
+        tolerance: Some(JUDGED_TO),
+        samples: (!family.has_quadrature()).then_some(4096),
+        ..Settings::default()
+    };
     let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
     let integration = Integration::new(settings)?;
     let texels = search::indices(&data.sizes, &choice);
-    let mut squares: Vec<f64> = texels
+    let says: Vec<f64> = texels
         .par_iter()
-        .filter(|&&texel| data.values[texel].is_finite())
         .map(|&texel| {
             let (mut rest, mut at) = (texel, definition.at);
             for (ramp, &size) in hypothesis.ramps.iter().zip(&data.sizes) {
@@ -319,9 +358,10 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
                 Err(Error::Unsupported(_)) => f64::NAN, // it diverges there
                 Err(other) => return Err(other),
             };
-            Ok((hypothesis.encoding.encode(exact) - data.values[texel]).powi(2))
+            Ok(hypothesis.encoding.encode(exact))
         })
         .collect::<Result<_>>()?;
+    let mut squares: Vec<f64> = says.iter().zip(&texels).map(|(v, &texel)| (v - data.values[texel]).powi(2)).collect();
     squares.retain(|s| s.is_finite());
     if 2 * squares.len() < texels.len() {
         squares = vec![f64::INFINITY]; // where it has no value it explains nothing
@@ -329,7 +369,7 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     squares.sort_by(f64::total_cmp);
     let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
     let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
-    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best })
+    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says })
 }
 
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
@@ -384,6 +424,14 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
         let good = list.first().is_none_or(|own| cost <= SHARED_IS_AS_GOOD * own.cost);
         if good && let Ok(new) = judged(hypothesis, cost, data) {
             list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));
+            // What comes second over the same axes is a rival, too.
+            shared.sort_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((second, cost)) = shared.into_iter().next()
+                && !list.iter().any(|r| r.hypothesis.ramps == second.ramps && says(&r.hypothesis) == says(&second))
+                && let Ok(second) = judged(second, cost, data)
+            {
+                list.push(second);
+            }
             list.insert(0, new);
         }
     }

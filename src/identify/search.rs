@@ -156,18 +156,45 @@ fn affine(values: &[f64], predicted: &[f64], weights: &[f64]) -> (f64, f64) {
     (scale, (y - scale * x) / w)
 }
 
-/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy. `squares` is overwritten.
-fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, squares: &mut Vec<f64>) -> f64 {
+/// Squares so much larger than the mean that is still of interest are cut off to bound what the smaller ones come to, the lower first.
+const CUTS: [f64; 2] = [4.0, 16.0];
+
+/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy. Infinite where it is certain
+/// that it exceeds `most`. `squares` is overwritten.
+fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, most: f64, squares: &mut Vec<f64>) -> f64 {
     squares.clear();
-    squares.extend(values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()));
+    squares.extend(values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)));
+    if squares.iter().any(|s| s.is_nan()) {
+        squares.retain(|s| !s.is_nan());
+    }
     if squares.is_empty() {
         return f64::INFINITY;
     }
     let kept = (squares.len() * 9).div_ceil(10);
+    let dropped = (squares.len() - kept) as f64;
+    if most < f64::INFINITY {
+        // Cut off at any height, the squares' sum is at most that of those kept and so much for each that is dropped. It takes no sorting,
+        // and tells of nearly every wrong explanation that it is one.
+        for cut in CUTS.map(|cut| cut * most * most) {
+            if sum_cut_off(squares, cut) > kept as f64 * most * most + dropped * cut {
+                return f64::INFINITY;
+            }
+        }
+    }
     if kept < squares.len() {
         squares.select_nth_unstable_by(kept, f64::total_cmp);
     }
     (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
+}
+
+/// The sum of numbers of which none counts for more than `most`.
+fn sum_cut_off(numbers: &[f64], most: f64) -> f64 {
+    let (chunks, rest) = numbers.as_chunks::<4>();
+    let mut lanes = [0.0; 4];
+    for chunk in chunks {
+        lanes.iter_mut().zip(chunk).for_each(|(sum, v)| *sum += if *v < most { *v } else { most });
+    }
+    lanes.iter().sum::<f64>() + rest.iter().map(|v| v.min(most)).sum::<f64>()
 }
 
 /// What a factor and an offset of no known meaning must gain, in parts of the residual.
@@ -208,21 +235,22 @@ fn encoding(
     squares: &mut Vec<f64>,
 ) -> (Encoding, f64, f64) {
     let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
-    let (a, b, left) = nearest(values, predicted);
-    let hopeless = (Encoding { scale: a, offset: b, curve }, left, f64::INFINITY);
-    if left / WORST_TENTH * price_of_curve > limit {
-        return hopeless;
-    }
-    let any = trimmed(values, predicted, a, b, squares);
-    // No known factor fits much better than the best of all: what is dear with that need not be looked at further.
-    if 0.8 * (any + floor) * price_of_curve > limit {
-        return hopeless;
-    }
-    let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
-    for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
-        let residual = trimmed(values, predicted, scale, offset, squares);
-        let price = if i == 0 { 1.0 } else { PRICE_OF_KNOWN };
-        let cost = (residual + floor) * price * price_of_curve;
+    let sums = Sums::of(values, predicted);
+    let (a, b) = sums.nearest();
+    // What is left with its worst tenth is known without sorting; while everything is tried, the rest is taken to be no less than a
+    // part of it.
+    let least = |scale, offset| if limit < f64::INFINITY { sums.left(scale, offset) / WORST_TENTH } else { 0.0 };
+    let known = KNOWN.into_iter().enumerate().map(|(i, known)| (known, if i == 0 { 1.0 } else { PRICE_OF_KNOWN }));
+    let mut best = (Encoding { scale: a, offset: b, curve }, f64::INFINITY, f64::INFINITY);
+    // The price of no meaning is the highest: last.
+    for ((scale, offset), price) in known.chain([((a, b), PRICE_OF_ANY)]) {
+        let price = price * price_of_curve;
+        let most = best.2.min(limit) / price - floor;
+        if least(scale, offset) > most {
+            continue;
+        }
+        let residual = trimmed(values, predicted, scale, offset, most, squares);
+        let cost = (residual + floor) * price;
         if cost < best.2 {
             best = (Encoding { scale, offset, curve }, residual, cost);
         }
@@ -230,27 +258,56 @@ fn encoding(
     best
 }
 
-/// Factor and offset that bring `predicted` nearest to `values`, and the root mean square of what they leave.
-fn nearest(values: &[f64], predicted: &[f64]) -> (f64, f64, f64) {
-    let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for (v, p) in values.iter().zip(predicted) {
-        // A value that is none counts for nothing; without a branch.
-        let (k, v) = if v.is_finite() { (1.0, *v) } else { (0.0, 0.0) };
-        n += k;
-        x += k * p;
-        y += v;
-        xx += k * p * p;
-        xy += p * v;
-        yy += v * v;
+/// What a factor and an offset of a prediction leave of values, by sums. A value that is none counts for nothing.
+struct Sums {
+    n: f64,
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Sums {
+    fn of(values: &[f64], predicted: &[f64]) -> Self {
+        // Four sums of each kind, which no addition waits for.
+        let mut lanes = [[0.0; 4]; 6];
+        let mut add = |lane: usize, v: f64, p: f64| {
+            let (k, v) = if v.is_finite() { (1.0, v) } else { (0.0, 0.0) }; // without a branch
+            let p = k * p;
+            for (sums, term) in lanes.iter_mut().zip([k, p, v, p * p, p * v, v * v]) {
+                sums[lane] += term;
+            }
+        };
+        let ((v4, v_rest), (p4, p_rest)) = (values.as_chunks::<4>(), predicted.as_chunks::<4>());
+        for (v, p) in v4.iter().zip(p4) {
+            for lane in 0..4 {
+                add(lane, v[lane], p[lane]);
+            }
+        }
+        v_rest.iter().zip(p_rest).for_each(|(v, p)| add(0, *v, *p));
+        let [n, x, y, xx, xy, yy] = lanes.map(|lane| lane.iter().sum::<f64>());
+        Self { n: f64::max(n, 1.0), x, y, xx, xy, yy }
     }
-    let n = f64::max(n, 1.0);
-    let (across, along) = (n * xx - x * x, n * xy - x * y);
-    if across <= 1e-12 * n * xx {
-        return (1.0, 0.0, ((yy - y * y / n) / n).max(0.0).sqrt()); // a constant explains nothing
+
+    /// Factor and offset that bring the prediction nearest to the values.
+    fn nearest(&self) -> (f64, f64) {
+        let Self { n, x, y, xx, xy, .. } = *self;
+        let across = n * xx - x * x;
+        if across <= 1e-12 * n * xx {
+            return (1.0, 0.0); // a constant explains nothing
+        }
+        let scale = (n * xy - x * y) / across;
+        (scale, (y - scale * x) / n)
     }
-    let scale = along / across;
-    let squares = (n * yy - y * y - scale * along) / (n * n);
-    (scale, (y - scale * x) / n, squares.max(0.0).sqrt())
+
+    /// The root mean square of what these leave.
+    fn left(&self, scale: f64, offset: f64) -> f64 {
+        let Self { n, x, y, xx, xy, yy } = *self;
+        let squares =
+            yy - 2.0 * (scale * xy + offset * y) + scale * (scale * xx + 2.0 * offset * x) + n * offset * offset;
+        (squares / n).max(0.0).sqrt()
+    }
 }
 
 /// Indices along each dimension while everything is tried.
@@ -353,17 +410,23 @@ pub fn search(
                 .flat_map(move |varies| frees.clone().into_iter().map(move |free| (master, varies.clone(), free)))
         })
         .collect();
-    let found: Vec<(usize, f64, Hypothesis)> = jobs
-        .par_iter()
-        .flat_map_iter(|(master, varies, free)| {
-            // Half a texel is found by fitting, unless texels are few.
-            let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
-            let nodes = &master.definition.nodes;
-            let ramps: Vec<Vec<Ramp>> =
-                varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
-            try_all(master, varies, *free, &ramps, &choice, &values, channels)
-        })
-        .collect();
+    // Half a texel is found by fitting, unless texels are few.
+    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
+    // `some`: of each dimension only so many ramps.
+    let try_jobs = |some: usize, limits: &[f64]| -> Vec<(usize, f64, Hypothesis)> {
+        jobs.par_iter()
+            .flat_map_iter(|(master, varies, free)| {
+                let nodes = &master.definition.nodes;
+                let mut ramps: Vec<Vec<Ramp>> =
+                    varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
+                ramps.iter_mut().for_each(|ramps| ramps.truncate(some));
+                try_all(master, varies, *free, &ramps, &choice, &values, channels, limits)
+            })
+            .collect()
+    };
+    // A little of everything first: what is dearer than so many that will be kept is not looked at twice.
+    let limits = dearest(try_jobs(A_LITTLE, &vec![f64::INFINITY; channels.len()]), channels.len(), most);
+    let found = try_jobs(usize::MAX, &limits);
     let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
     for (c, cost, hypothesis) in found {
         best[c].push((cost, hypothesis));
@@ -390,6 +453,31 @@ pub fn search(
         .collect()
 }
 
+/// Ramps of each dimension in a first, quick look.
+const A_LITTLE: usize = 2;
+
+/// What hypotheses of each channel cost at most that are among the best `most`: there are so many of different kinds below it.
+fn dearest(found: Vec<(usize, f64, Hypothesis)>, n_channels: usize, most: usize) -> Vec<f64> {
+    let mut cheapest: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; n_channels];
+    for (c, cost, hypothesis) in found {
+        let alike = |(_, k): &&mut (f64, Hypothesis)| {
+            Arc::ptr_eq(&k.master, &hypothesis.master) && k.varies == hypothesis.varies
+        };
+        match cheapest[c].iter_mut().find(alike) {
+            Some(known) => known.0 = known.0.min(cost),
+            None => cheapest[c].push((cost, hypothesis)),
+        }
+    }
+    cheapest
+        .into_iter()
+        .map(|kinds| {
+            let mut costs: Vec<f64> = kinds.into_iter().map(|(cost, _)| cost).collect();
+            costs.sort_by(f64::total_cmp);
+            costs.get(most - 1).copied().unwrap_or(f64::INFINITY)
+        })
+        .collect()
+}
+
 /// Hypotheses that one job keeps of a channel.
 const KEPT: usize = 6;
 
@@ -401,6 +489,7 @@ fn try_all(
     choice: &Choice,
     values: &[(usize, Curve, Vec<f64>)],
     channels: &[Data],
+    limits: &[f64],
 ) -> Vec<(usize, f64, Hypothesis)> {
     let nodes = &master.definition.nodes;
     // What may be looked up along each parameter: an entry per ramp of the dimension that varies it, or the free value alone.
@@ -424,6 +513,7 @@ fn try_all(
         values: values.collect(),
         floors: channels.iter().map(|data| MASTER_ERROR + data.rounding).collect(),
         chosen: vec![0; nodes.len()],
+        limits,
         best: vec![vec![]; channels.len()],
         squares: vec![],
     };
@@ -461,6 +551,8 @@ struct Trial<'a> {
     /// (channel, curve, its values through the curve's inverse)
     values: Vec<(usize, Curve, Vec<f64>)>,
     floors: Vec<f64>,
+    /// What a hypothesis of each channel may cost.
+    limits: &'a [f64],
     chosen: Vec<usize>,
     best: Vec<Vec<Found>>,
     squares: Vec<f64>,
@@ -483,10 +575,10 @@ impl Trial<'_> {
     fn judge(&mut self, quantity: usize, predicted: &[f64]) {
         for (c, curve, values) in &self.values {
             let list = &mut self.best[*c];
-            let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].cost };
+            let limit = list.get(KEPT - 1).map_or(self.limits[*c], |last| last.cost.min(self.limits[*c]));
             let (encoding, residual, cost) =
                 encoding(values, predicted, *curve, self.floors[*c], limit, &mut self.squares);
-            if list.len() < KEPT || cost < limit {
+            if cost <= limit {
                 let at = list.partition_point(|known| known.cost < cost);
                 list.insert(at, Found { cost, quantity, chosen: self.chosen.clone(), encoding, residual });
                 list.truncate(KEPT);
