@@ -72,6 +72,8 @@ const AS_ROUNDED: f64 = 2.0;
 /// How many times the residual another explanation must leave for the best to be certain, and likely.
 const FAR: f64 = 3.0;
 const FARTHER: f64 = 1.5;
+/// The part of the texels that an explanation must have rounded wrongly to be refuted by one that has none so.
+const REFUTED: f64 = 0.05;
 /// Parts of a channel's variation that may be left for it to be likely, and possible.
 const LITTLE: f64 = 1.0 / 30.0;
 const MUCH: f64 = 0.1;
@@ -181,16 +183,22 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     let Some(best) = ranked.first() else { return unknown };
     let relative = best.trimmed / data.spread;
     let times_rounding = best.rms / data.rounding.max(1e-7);
+    let times = |other: &Ranked| (other.trimmed + data.rounding) / (best.trimmed + data.rounding);
     let (same, mut others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
     // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
     // over other axes, cropped and stretched as they had to be, is no rival.
     if let Some(certain) = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best)) {
         others.retain(|other| best.is_rivalled_by(other, certain));
     }
+    // Where all of many texels are what rounding makes of the best explanation, what would have some of them rounded wrongly is refuted,
+    // however little that is.
+    let is_refuted = |other: &&Ranked| best.misrounded == 0.0 && other.misrounded >= REFUTED;
+    let is_near = |other: &&Ranked| times(other) < FARTHER;
+    let rivalled = others.iter().any(|other| is_near(&other) && !is_refuted(&other));
     let runner_up = others.into_iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
         what: what(&second.hypothesis),
         residual: second.rms,
-        times: (second.trimmed + data.rounding) / (best.trimmed + data.rounding),
+        times: times(second),
     });
     let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
     let encoding = best.hypothesis.encoding;
@@ -208,7 +216,7 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
         Confidence::Unknown
     } else if times_rounding <= AS_ROUNDED && away >= FAR {
         Confidence::Certain
-    } else if relative <= LITTLE && away >= FARTHER {
+    } else if relative <= LITTLE && !rivalled {
         Confidence::Likely
     } else {
         Confidence::Possible

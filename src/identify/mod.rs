@@ -6,7 +6,7 @@
 //!
 //! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
 //! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
-//! variation is left at most, and anything else leaves half as much again; *possible* when a tenth is left, whatever else may be. Otherwise it is
+//! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible* when a tenth is left, whatever else may be. Otherwise it is
 //! unknown.
 
 mod cache;
@@ -120,7 +120,7 @@ const FEWEST_ALONG: usize = 4;
 const FITTED: usize = 14;
 /// Texels along each dimension at which a hypothesis is judged by quadrature at most, and one whose integrals are dear.
 const JUDGED: [usize; 3] = [512, 48, 12];
-const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 8];
+const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 6];
 /// What values may be off by when hypotheses are judged by them.
 const JUDGED_TO: f64 = 1e-6;
 /// Families whose values take longest, by their masters.
@@ -172,6 +172,13 @@ pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
 
 fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
     let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
+    let [width, height, layers] = grid.size;
+    if (2..FEWEST_ALONG).contains(&layers) && width.min(height) >= FEWEST_ALONG {
+        return Err(Error::unsupported(
+            format!("{}, which are too few layers for a volume", grid.summary()),
+            format!("look at each by itself, --layer 0 to --layer {}", layers - 1),
+        ));
+    }
     if grid.texels() < FEWEST_TEXELS || sizes.iter().any(|&s| s < FEWEST_ALONG) {
         return Err(Error::unsupported(
             format!("{}, too few to tell a table by", grid.summary()),
@@ -215,10 +222,12 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let spread = whole.min(2.0 * (most.iter().sum::<f64>() / most.len().max(1) as f64).sqrt());
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.
-    let squares = finite.iter().map(|&v| stored.step(v).powi(2) / 12.0).sum::<f64>();
+    let brightest = grid.brightest();
+    let steps: Vec<f64> = values.iter().zip(brightest).map(|(&v, most)| stored.step_beside(v, most)).collect();
+    let squares: f64 = steps.iter().zip(&values).filter(|(_, v)| v.is_finite()).map(|(s, _)| s.powi(2) / 12.0).sum();
     let rounding = (squares / n).sqrt();
     let (low, high) = finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-    (high - low > 2.0 * stored.step(high)).then(|| Data { values, sizes: sizes.to_vec(), spread, rounding })
+    (high - low > 2.0 * stored.step(high)).then(|| Data { values, sizes: sizes.to_vec(), spread, rounding, steps })
 }
 
 /// A hypothesis, what it costs by the masters, and its residuals by quadrature.
@@ -230,15 +239,26 @@ struct Ranked {
     rms: f64,
     /// The same without the worst tenth.
     trimmed: f64,
-    /// What it says of the texels at which it was judged; empty where it is not to be believed.
-    says: Vec<f64>,
+    /// What it says of the texels at which it was judged, and what that may be off by; empty where it is not to be believed.
+    says: Vec<(f64, f64)>,
+    /// The part of them at which the file has another number than correct rounding would give.
+    misrounded: f64,
 }
 
 impl Ranked {
+    /// What it leaves by quadrature, with the price that the masters' residual had.
+    fn exact_cost(&self, data: &Data) -> f64 {
+        let price = self.cost / (self.hypothesis.residual + search::MASTER_ERROR + data.rounding);
+        (self.trimmed + data.rounding + JUDGED_TO) * price
+    }
+
     /// Whether both say the same of every texel, as far as quadrature tells.
     fn same_numbers(&self, other: &Self) -> bool {
         let pairs = || self.says.iter().zip(&other.says);
-        let near = |(a, b): (&f64, &f64)| a.is_nan() == b.is_nan() && !((a - b).abs() > 2.0 * JUDGED_TO);
+        // Errors of Monte Carlo are standard errors: four of their sum, so that hardly one in ten thousand is farther off by chance.
+        let near = |((a, a_error), (b, b_error)): (&(f64, f64), &(f64, f64))| {
+            a.is_nan() == b.is_nan() && !((a - b).abs() > 2.0 * JUDGED_TO + 4.0 * (a_error + b_error))
+        };
         !self.says.is_empty() && self.says.len() == other.says.len() && pairs().all(near)
     }
 
@@ -307,6 +327,24 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
                     ranked.push(judged(hypothesis, cost, data)?);
                 }
             }
+            if let Some(simple) = ranked.first().and_then(|best| best.hypothesis.at_simple_places()) {
+                let choice = search::fine(&data.sizes);
+                let (simple, cost) = search::resettle(&simple, data, &choice);
+                let simple = judged(simple, cost, data)?;
+                if simple.exact_cost(data) <= ranked[0].exact_cost(data) {
+                    ranked[0] = simple;
+                }
+            }
+            // Masters are as good as they are: where quadrature clearly knows better, it decides.
+            let least = ranked.iter().map(|r| r.exact_cost(data)).fold(f64::INFINITY, f64::min);
+            if let Some(i) = ranked.iter().position(|r| r.exact_cost(data) <= search::SIMPLE_IS_AS_GOOD * least) {
+                ranked[..=i].rotate_right(1);
+            }
+            // Of what comes to the same numbers, that whose axes are in the usual order.
+            let same = |r: &Ranked| r.hypothesis.is_in_order() && r.same_numbers(&ranked[0]);
+            if let Some(i) = ranked.iter().position(same) {
+                ranked[..=i].rotate_right(1);
+            }
             Ok(ranked)
         })
         .collect()
@@ -327,7 +365,7 @@ fn says(h: &Hypothesis) -> String {
 fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     if hypothesis.relative(data) > NOT_TO_BE_BELIEVED {
         let left = hypothesis.residual;
-        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left, says: vec![] });
+        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left, says: vec![], misrounded: 1.0 });
     }
     let definition = &hypothesis.master.definition;
     let family = definition.handle.family;
@@ -342,7 +380,7 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
     let integration = Integration::new(settings)?;
     let texels = search::indices(&data.sizes, &choice);
-    let says: Vec<f64> = texels
+    let says: Vec<(f64, f64)> = texels
         .par_iter()
         .map(|&texel| {
             let (mut rest, mut at) = (texel, definition.at);
@@ -353,27 +391,36 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
             if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
                 at.set(last.parameter, free);
             }
-            let exact = match evaluate_family(family, &at, &definition.model, &integration) {
-                Ok(estimates) => estimates[hypothesis.quantity].value,
-                Err(Error::Unsupported(_)) => f64::NAN, // it diverges there
+            let (exact, error) = match evaluate_family(family, &at, &definition.model, &integration) {
+                Ok(estimates) => (estimates[hypothesis.quantity].value, estimates[hypothesis.quantity].error),
+                Err(Error::Unsupported(_)) => (f64::NAN, 0.0), // it diverges there
                 Err(other) => return Err(other),
             };
-            Ok(hypothesis.encoding.encode(exact))
+            let stored = hypothesis.encoding.encode(exact);
+            Ok((stored, (hypothesis.encoding.encode(exact + error) - stored).abs()))
         })
         .collect::<Result<_>>()?;
-    let mut squares: Vec<f64> = says.iter().zip(&texels).map(|(v, &texel)| (v - data.values[texel]).powi(2)).collect();
-    squares.retain(|s| s.is_finite());
+    let off = |((v, error), &texel): (&(f64, f64), &usize)| {
+        let off = (v - data.values[texel]).abs();
+        (off, off > 0.5 * data.steps[texel] + 2.0 * JUDGED_TO + error)
+    };
+    let offs: Vec<(f64, bool)> = says.iter().zip(&texels).map(off).filter(|(off, _)| off.is_finite()).collect();
+    let misrounded = offs.iter().filter(|(_, far)| *far).count() as f64 / offs.len().max(1) as f64;
+    let mut squares: Vec<f64> = offs.iter().map(|(off, _)| off * off).collect();
     if 2 * squares.len() < texels.len() {
         squares = vec![f64::INFINITY]; // where it has no value it explains nothing
     }
     squares.sort_by(f64::total_cmp);
     let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
     let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
-    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says })
+    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says, misrounded })
 }
 
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
 const SHARED_IS_AS_GOOD: f64 = 1.5;
+
+/// The same by the masters alone, beyond which quadrature is not asked.
+const NOT_WORTH_A_LOOK: f64 = 10.0;
 
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well.
@@ -403,10 +450,7 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
                 for curve in Curve::ALL {
                     let mut h = Hypothesis { master: Arc::clone(&master), quantity, ..anchor.clone() };
                     h.encoding.curve = curve;
-                    let values: Vec<f64> = data.at(&choice).into_iter().map(|v| curve.undo(v)).collect();
-                    let (h, cost) = search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding);
-                    let price = search::price_of_ranges(&h);
-                    shared.push((h, cost * price));
+                    shared.push(search::resettle(&h, data, &choice));
                 }
             }
         }
@@ -421,8 +465,11 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
             continue;
         }
         let (hypothesis, cost) = shared.swap_remove(own_model);
-        let good = list.first().is_none_or(|own| cost <= SHARED_IS_AS_GOOD * own.cost);
-        if good && let Ok(new) = judged(hypothesis, cost, data) {
+        let hopeless = list.first().is_some_and(|own| cost > NOT_WORTH_A_LOOK * own.cost);
+        let as_good = |new: &Ranked| {
+            list.first().is_none_or(|own| new.exact_cost(data) <= SHARED_IS_AS_GOOD * own.exact_cost(data))
+        };
+        if !hopeless && let Some(new) = judged(hypothesis, cost, data).ok().filter(as_good) {
             list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));
             // What comes second over the same axes is a rival, too.
             shared.sort_by(|a, b| a.1.total_cmp(&b.1));

@@ -39,6 +39,8 @@ pub struct Data {
     pub spread: f64,
     /// What correct rounding leaves, RMS.
     pub rounding: f64,
+    /// The distance of neighbouring stored numbers at every value: correct rounding is off by half of it at most.
+    pub steps: Vec<f64>,
 }
 
 /// A choice of texels: the product of some indices along each dimension.
@@ -106,6 +108,30 @@ impl Hypothesis {
         if data.spread > 0.0 { self.residual / data.spread } else { f64::INFINITY }
     }
 
+    /// The same with every dimension at the simple place that is nearest to where it was fitted; nothing where all are at one, or too far.
+    pub fn at_simple_places(&self) -> Option<Self> {
+        let off = |ramp: &Ramp, place: &Place| {
+            let (first, step) = place.of(ramp.size);
+            let last = (ramp.size - 1) as f64;
+            (first - ramp.first).abs().max((first + step * last - ramp.first - ramp.step * last).abs())
+        };
+        let mut ramps = self.ramps.clone();
+        for ramp in ramps.iter_mut().filter(|ramp| ramp.place().is_none()) {
+            let nearest = Place::ALL.into_iter().min_by(|a, b| off(ramp, a).total_cmp(&off(ramp, b)))?;
+            // Half of what two of them differ by at least.
+            if off(ramp, &nearest) > 0.25 / ramp.size as f64 {
+                return None;
+            }
+            *ramp = ramp.placed(nearest);
+        }
+        (ramps != self.ramps).then(|| Self { ramps, ..self.clone() })
+    }
+
+    /// Whether the table's dimensions are the master's parameters in their own order.
+    pub fn is_in_order(&self) -> bool {
+        self.varies.is_sorted()
+    }
+
     /// Whether both say the same of a table, whatever the fitted numbers are.
     pub fn same_kind(&self, other: &Self) -> bool {
         let ramp = |r: &Ramp| (r.parameter, r.flip, format!("{}", r.warp));
@@ -118,7 +144,7 @@ impl Hypothesis {
 
 /// Values over a master's parameters, the first fastest, in the order of the table's dimensions.
 fn in_table_order(values: &[f64], taps: &[Vec<Taps>], varies: &[usize]) -> Vec<f64> {
-    if varies.windows(2).all(|w| w[0] < w[1]) {
+    if varies.is_sorted() {
         return values.to_vec();
     }
     let counts: Vec<usize> = taps.iter().map(Vec::len).collect();
@@ -618,6 +644,15 @@ pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 
+/// The same of a channel, and with the price of its ranges.
+pub fn resettle(hypothesis: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
+    let curve = hypothesis.encoding.curve;
+    let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
+    let (settled, cost) = settle(hypothesis, &values, choice, MASTER_ERROR + data.rounding);
+    let price = price_of_ranges(&settled);
+    (settled, cost * price)
+}
+
 fn moved(hypothesis: &Hypothesis, by: &[f64]) -> Hypothesis {
     let mut moved = hypothesis.clone();
     for (dimension, ramp) in moved.ramps.iter_mut().enumerate() {
@@ -721,7 +756,7 @@ pub fn price_of_ranges(hypothesis: &Hypothesis) -> f64 {
 }
 
 /// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
-const SIMPLE_IS_AS_GOOD: f64 = 1.15;
+pub const SIMPLE_IS_AS_GOOD: f64 = 1.15;
 
 /// How much worse a place may fit along one dimension of a volume while the others are fitted, and how many such are tried.
 const OTHERS_FITTED: f64 = 3.0;
