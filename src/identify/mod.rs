@@ -130,6 +130,8 @@ const NOT_TO_BE_BELIEVED: f64 = 0.25;
 
 /// Residuals, in parts of a channel's variation, below which no further masters are asked.
 const GOOD: f64 = 0.01;
+/// Residuals by the masters up to which it is worth while to ask quadrature whether they are as good.
+const NEARLY_GOOD: f64 = 0.1;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
 
@@ -290,12 +292,12 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
         if master_axes > 3 || (n_axes == 1 && master_axes == 2) || too_many {
             continue;
         }
-        let open: Vec<usize> = (0..channels.len())
-            .filter(|&c| {
-                let relative = |(h, _): &(Hypothesis, f64)| h.relative(&channels[c]);
-                fitted[c].first().map(relative).is_none_or(|left| left > GOOD && left < HOPELESS)
-            })
-            .collect();
+        let mut open = vec![];
+        for c in 0..channels.len() {
+            if is_open(&fitted[c], &channels[c])? {
+                open.push(c);
+            }
+        }
         if open.is_empty() {
             break;
         }
@@ -348,6 +350,23 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
             Ok(ranked)
         })
         .collect()
+}
+
+/// Whether it is worth while to look further for what explains a channel, of which `fitted` are the best explanations so far.
+fn is_open(fitted: &[(Hypothesis, f64)], data: &Data) -> Result<bool> {
+    let Some((best, cost)) = fitted.first() else { return Ok(true) };
+    let left = best.relative(data);
+    if !(left > GOOD && left < HOPELESS) {
+        return Ok(false);
+    }
+    if left > NEARLY_GOOD {
+        return Ok(true);
+    }
+    // It may be the master, of few nodes where the quantity bends, that is off: quadrature is cheaper than a search.
+    let choice = search::fine(&data.sizes);
+    let at_simple_places = best.at_simple_places().map(|simple| search::resettle(&simple, data, &choice));
+    let (hypothesis, cost) = at_simple_places.unwrap_or_else(|| (best.clone(), *cost));
+    Ok(judged(hypothesis, cost, data)?.trimmed > GOOD * data.spread)
 }
 
 /// Hypotheses of a channel that are judged by quadrature.

@@ -256,12 +256,12 @@ fn encoding(
     values: &[f64],
     predicted: &[f64],
     curve: Curve,
+    sums: &Sums,
     floor: f64,
     limit: f64,
     squares: &mut Vec<f64>,
 ) -> (Encoding, f64, f64) {
     let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
-    let sums = Sums::of(values, predicted);
     let (a, b) = sums.nearest();
     // What is left with its worst tenth is known without sorting; while everything is tried, the rest is taken to be no less than a
     // part of it.
@@ -285,6 +285,7 @@ fn encoding(
 }
 
 /// What a factor and an offset of a prediction leave of values, by sums. A value that is none counts for nothing.
+#[derive(Debug, Clone, Copy)]
 struct Sums {
     n: f64,
     x: f64,
@@ -294,26 +295,29 @@ struct Sums {
     yy: f64,
 }
 
+/// The sum of a function of two numbers each: four sums, which no addition waits for.
+fn sum(a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) -> f64 {
+    let ((a4, a_rest), (b4, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut lanes = [0.0; 4];
+    for (a, b) in a4.iter().zip(b4) {
+        for lane in 0..4 {
+            lanes[lane] += f(a[lane], b[lane]);
+        }
+    }
+    lanes.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| f(*a, *b)).sum::<f64>()
+}
+
 impl Sums {
     fn of(values: &[f64], predicted: &[f64]) -> Self {
-        // Four sums of each kind, which no addition waits for.
-        let mut lanes = [[0.0; 4]; 6];
-        let mut add = |lane: usize, v: f64, p: f64| {
-            let (k, v) = if v.is_finite() { (1.0, v) } else { (0.0, 0.0) }; // without a branch
-            let p = k * p;
-            for (sums, term) in lanes.iter_mut().zip([k, p, v, p * p, p * v, v * v]) {
-                sums[lane] += term;
-            }
-        };
-        let ((v4, v_rest), (p4, p_rest)) = (values.as_chunks::<4>(), predicted.as_chunks::<4>());
-        for (v, p) in v4.iter().zip(p4) {
-            for lane in 0..4 {
-                add(lane, v[lane], p[lane]);
-            }
-        }
-        v_rest.iter().zip(p_rest).for_each(|(v, p)| add(0, *v, *p));
-        let [n, x, y, xx, xy, yy] = lanes.map(|lane| lane.iter().sum::<f64>());
-        Self { n: f64::max(n, 1.0), x, y, xx, xy, yy }
+        let sum = |f: fn(f64, f64) -> f64| sum(values, predicted, |v, p| if v.is_finite() { f(v, p) } else { 0.0 });
+        let n = sum(|_, _| 1.0).max(1.0);
+        let (x, y) = (sum(|_, p| p), sum(|v, _| v));
+        Self { n, x, y, xx: sum(|_, p| p * p), xy: sum(|v, p| v * p), yy: sum(|v, _| v * v) }
+    }
+
+    /// The same where every value is one, from what is known of values and prediction by themselves.
+    fn with(self, values: &[f64], predicted: &[f64], (x, xx): (f64, f64)) -> Self {
+        Self { x, xx, xy: sum(values, predicted, |v, p| v * p), ..self }
     }
 
     /// Factor and offset that bring the prediction nearest to the values.
@@ -532,7 +536,8 @@ fn try_all(
     let values = values.iter().map(|(c, curve, values)| {
         let mut sorted = vec![0.0; values.len()];
         order.iter().zip(values).for_each(|(&to, &v)| sorted[to] = v);
-        (*c, *curve, sorted)
+        let sums = sorted.iter().all(|v| v.is_finite()).then(|| Sums::of(&sorted, &sorted));
+        TrialValues { channel: *c, curve: *curve, values: sorted, sums }
     });
     let mut trial = Trial {
         lookups: &lookups,
@@ -571,11 +576,19 @@ struct Found {
     residual: f64,
 }
 
+/// What predictions are compared with: a channel's values through a curve's inverse.
+struct TrialValues {
+    channel: usize,
+    curve: Curve,
+    values: Vec<f64>,
+    /// Of the values alone; nothing where some are none.
+    sums: Option<Sums>,
+}
+
 /// One master, of which every combination of ramps is tried.
 struct Trial<'a> {
     lookups: &'a [Vec<Vec<Taps>>],
-    /// (channel, curve, its values through the curve's inverse)
-    values: Vec<(usize, Curve, Vec<f64>)>,
+    values: Vec<TrialValues>,
     floors: Vec<f64>,
     /// What a hypothesis of each channel may cost.
     limits: &'a [f64],
@@ -599,11 +612,13 @@ impl Trial<'_> {
     }
 
     fn judge(&mut self, quantity: usize, predicted: &[f64]) {
-        for (c, curve, values) in &self.values {
+        let own = (sum(predicted, predicted, |p, _| p), sum(predicted, predicted, |p, _| p * p));
+        for TrialValues { channel: c, curve, values, sums } in &self.values {
             let list = &mut self.best[*c];
             let limit = list.get(KEPT - 1).map_or(self.limits[*c], |last| last.cost.min(self.limits[*c]));
+            let sums = sums.map_or_else(|| Sums::of(values, predicted), |sums| sums.with(values, predicted, own));
             let (encoding, residual, cost) =
-                encoding(values, predicted, *curve, self.floors[*c], limit, &mut self.squares);
+                encoding(values, predicted, *curve, &sums, self.floors[*c], limit, &mut self.squares);
             if cost <= limit {
                 let at = list.partition_point(|known| known.cost < cost);
                 list.insert(at, Found { cost, quantity, chosen: self.chosen.clone(), encoding, residual });
@@ -640,7 +655,8 @@ pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64
 pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
     let predicted = hypothesis.predict(choice);
     let curve = hypothesis.encoding.curve;
-    let (encoding, residual, cost) = encoding(values, &predicted, curve, floor, f64::INFINITY, &mut vec![]);
+    let sums = Sums::of(values, &predicted);
+    let (encoding, residual, cost) = encoding(values, &predicted, curve, &sums, floor, f64::INFINITY, &mut vec![]);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 
