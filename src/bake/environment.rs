@@ -215,7 +215,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     // The same function would make the same average again.
     let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(map, _)| map);
     let sampled = specular.iter().chain([&irradiance]).any(|(_, report)| report.samples > 0);
-    let spread = if sampled { Spread::Over(WITNESS_POINTS) } else { Spread::MEASURED };
+    let spread = if sampled { Spread::Over(WITNESS_POINTS) } else { Spread::Measured(WITNESS_POINTS / 4) };
     for cube in &cubes {
         let judged = cube.values(recipe)?;
         checks.extend(judged.facts(panorama.min().into_iter().any(|v| v < 0.0)));

@@ -39,13 +39,11 @@ pub struct CubeLevel {
 pub(crate) enum Spread {
     /// At all of them.
     All,
-    /// At so many all over the sphere, and at some where filters fail.
+    /// At so many all over the sphere and in the corners of faces, and where filters fail.
     Over(usize),
-}
-
-impl Spread {
-    /// Of a bake, whose filter has just been measured against the full sum where it fails: what is left to find is values in wrong places.
-    pub const MEASURED: Self = Self::Over(WITNESS_POINTS / 4);
+    /// The same, but where filters fail: of a bake, whose filter has just been measured there. What is left to find is values in wrong
+    /// places.
+    Measured(usize),
 }
 
 /// The cubes of an environment.
@@ -73,12 +71,16 @@ impl Deviation {
     fn ratio(&self) -> f64 {
         if self.figure.is_nan() { f64::INFINITY } else { self.figure / self.limit.max(f64::MIN_POSITIVE) }
     }
+
+    /// The worse of two, the second of equals.
+    fn or_worse(self, other: Self) -> Self {
+        if self.ratio().total_cmp(&other.ratio()).is_gt() { self } else { other }
+    }
 }
 
 impl EnvironmentValues<'_> {
-    fn worst(&self, name: &str, level: &CubeLevel, deviations: Vec<Deviation>) -> Option<Check> {
-        let count = deviations.len();
-        let worst = deviations.into_iter().max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
+    fn worst(&self, name: &str, level: &CubeLevel, (worst, count): (Option<Deviation>, usize)) -> Option<Check> {
+        let worst = worst?;
         let (texel, channel) = worst.place;
         let place = self.layout.place(level.size, texel);
         let detail = format!("worst of {count} at {place}, {}", ["R", "G", "B"][channel]);
@@ -170,8 +172,9 @@ impl EnvironmentValues<'_> {
             }
             let (texels, name) = match spread {
                 Spread::All => (all(level), "full sum at every texel".to_owned()),
-                Spread::Over(n) => {
-                    let texels = self.chosen(level, sum.sun(), n, seed);
+                Spread::Over(n) | Spread::Measured(n) => {
+                    let sun = (spread == Spread::Over(n)).then(|| sum.sun());
+                    let texels = self.chosen(level, sun, n, seed);
                     let name = format!("full sum at {} texels", texels.len());
                     (texels, name)
                 }
@@ -182,21 +185,24 @@ impl EnvironmentValues<'_> {
         checks
     }
 
-    /// Texels spread over the sphere, and those where filters fail: towards the brightest texel, beside it, on the ring at 90° from
-    /// it, opposite to it, and in the corners of the faces.
-    fn chosen(&self, level: &CubeLevel, sun: DVec3, spread: usize, seed: u64) -> Vec<usize> {
+    /// Texels spread over the sphere and in the corners of the faces, and those where filters fail: towards the brightest texel, beside it, on
+    /// the ring at 90° from it, opposite to it.
+    fn chosen(&self, level: &CubeLevel, sun: Option<DVec3>, spread: usize, seed: u64) -> Vec<usize> {
         let n = level.texels.len();
         let mut texels: Vec<usize> = weyl(seed, spread).map(|t| (t * n as f64) as usize).collect();
-        let (side, up) = sun.any_orthonormal_pair();
-        let ring = (0..8).map(|i| {
-            let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
-            side * cos + up * sin
-        });
-        let beside = [0.03, 0.1, 0.3]
-            .into_iter()
-            .flat_map(|angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
-        let aims: Vec<DVec3> = [sun, -sun].into_iter().chain(ring).chain(beside).collect();
-        texels.extend(aims.into_iter().map(|d| self.layout.nearest(level.size, self.orientation.lookup(d))));
+        let aims = |sun: DVec3| {
+            let (side, up) = sun.any_orthonormal_pair();
+            let ring = (0..8).map(move |i| {
+                let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_4).sin_cos();
+                side * cos + up * sin
+            });
+            let beside = [0.03, 0.1, 0.3]
+                .into_iter()
+                .flat_map(move |angle: f64| [side, up, -side, -up].map(|away| sun * angle.cos() + away * angle.sin()));
+            [sun, -sun].into_iter().chain(ring).chain(beside)
+        };
+        let nearest = |direction: DVec3| self.layout.nearest(level.size, self.orientation.lookup(direction));
+        texels.extend(sun.into_iter().flat_map(aims).map(nearest));
         let ([width, height], pictures) = self.layout.shape(level.size);
         let last = width * height - 1;
         texels.extend((0..pictures).flat_map(|face| [face * (last + 1), face * (last + 1) + last]));
@@ -248,7 +254,7 @@ impl EnvironmentValues<'_> {
         seed: u64,
     ) -> Option<Check> {
         let lobe = ViewLobe::new(alpha_of_roughness(level.roughness), view);
-        let all = self.chosen(level, sum.sun(), WITNESS_POINTS, seed);
+        let all = self.chosen(level, Some(sum.sun()), WITNESS_POINTS, seed);
         let texels: Vec<usize> = all.iter().copied().step_by(all.len().div_ceil(VIEW_POINTS)).collect();
         let name = format!("sum over the panorama at {} texels", texels.len());
         let sums: Vec<[f64; 3]> = texels.iter().map(|&texel| lobe.sum(panorama, self.world(level, texel))).collect();
@@ -257,6 +263,7 @@ impl EnvironmentValues<'_> {
         self.worst(&name, level, self.compare(&known, panorama, texels.clone(), truth, false))
     }
 
+    /// The value that is off most, in parts of what it may be off by, and how many were looked at.
     fn compare(
         &self,
         level: &CubeLevel,
@@ -264,26 +271,29 @@ impl EnvironmentValues<'_> {
         texels: Vec<usize>,
         truth: impl Fn(usize) -> [f64; 3] + Sync,
         exactly: bool,
-    ) -> Vec<Deviation> {
+    ) -> (Option<Deviation>, usize) {
         let mean = panorama.mean();
         let blocks = self.brightest_of_blocks(level);
-        texels
+        let count = 3 * texels.len();
+        let worst = texels
             .into_par_iter()
-            .flat_map_iter(|texel| {
+            .map(|texel| {
                 let wanted = truth(texel);
                 let wanted = [0, 1, 2].map(|c| self.precision.fit(c, wanted[c]));
                 let of_texel = wanted.into_iter().fold(0.0, f64::max);
                 let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[self.block(level, texel)]);
-                (0..3).map(move |c| {
+                let of_channel = |c: usize| {
                     let wanted = wanted[c];
                     let scale = wanted.abs().max(DARK_FLOOR * mean[c].abs());
                     let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
                     Deviation { place: (texel, c), figure, limit }
-                })
+                };
+                of_channel(0).or_worse(of_channel(1)).or_worse(of_channel(2))
             })
-            .collect()
+            .reduce_with(Deviation::or_worse);
+        (worst, count)
     }
 
     /// A fitted level against the full sum, through the filtering that it is made for: towards texels' centres, where fitted texels
@@ -300,7 +310,7 @@ impl EnvironmentValues<'_> {
         let map = self.map(level);
         let mean = panorama.mean();
         let n = level.texels.len() as f64;
-        let centres = self.chosen(level, sum.sun(), WITNESS_POINTS, seed);
+        let centres = self.chosen(level, Some(sum.sun()), WITNESS_POINTS, seed);
         let anywhere = weyl(seed, LOOKUPS).map(|a| {
             // A spiral of even density over the sphere, from a start that the seed names.
             let (y, turn) = (1.0 - 2.0 * a, a * n * 0.618_033_988_749_894_9);

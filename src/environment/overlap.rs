@@ -37,13 +37,46 @@ pub(super) fn top_circle(t: f64, along_v: bool) -> Option<(Circle, f64)> {
     }
 }
 
-impl Circle {
-    /// ∫₀^s y dψ, and y at s.
-    fn height_integral(&self, s: f64) -> (f64, f64) {
-        let (sin, cos) = s.sin_cos();
-        let norm = (self.b * self.b + self.a * self.a * cos * cos).sqrt();
-        ((self.a * sin).atan2(norm), self.a * cos / norm)
+/// A place on a circle: ψ, sin ψ and cos ψ.
+#[derive(Clone, Copy)]
+struct Place {
+    psi: f64,
+    sin: f64,
+    cos: f64,
+}
+
+impl Place {
+    fn at(psi: f64) -> Self {
+        let (sin, cos) = psi.sin_cos();
+        Self { psi, sin, cos }
     }
+
+    /// At tan ψ = t / b, b > 0.
+    fn at_tangent(t: f64, b: f64) -> Self {
+        let r = (t * t + b * b).sqrt();
+        Self { psi: (t / b).atan(), sin: t / r, cos: b / r }
+    }
+}
+
+impl Circle {
+    /// sin and cos of ∫₀^ψ y dψ, that is asin(a sin ψ / √(a² + b²)).
+    fn height(&self, place: Place) -> [f64; 2] {
+        let (a, b) = (self.a, self.b);
+        let scale = 1.0 / (b * b + a * a).sqrt();
+        [a * place.sin * scale, (b * b + a * a * place.cos * place.cos).sqrt() * scale]
+    }
+}
+
+/// asin: most arcs within a texel are short.
+fn arcsine(x: f64) -> f64 {
+    /// Where the next term, 231/13312 x¹³, is below half an ulp.
+    const SHORT: f64 = 0.06;
+    if x.abs() > SHORT {
+        return x.clamp(-1.0, 1.0).asin();
+    }
+    let x2 = x * x;
+    let tail = 35.0 / 1152.0 + x2 * (63.0 / 2816.0);
+    x + x * x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0 + x2 * (5.0 / 112.0 + x2 * tail)))
 }
 
 /// What one panorama texel holds of an arc.
@@ -67,6 +100,8 @@ pub(super) struct Grid {
     slope: Vec<f64>,
     /// Rows of the panorama that `rows` counts a part of.
     height: usize,
+    /// The edges of the columns of a quarter of a turn and one more.
+    quarter: Vec<Place>,
 }
 
 impl Grid {
@@ -75,7 +110,8 @@ impl Grid {
     pub(super) fn new(width: usize, row_edges: &[f64], rows: usize) -> Self {
         let y = row_edges[..=rows].to_vec();
         let slope = y.iter().map(|y| y / (1.0 - y * y).sqrt()).collect();
-        Self { width, rows, y, slope, height: row_edges.len() - 1 }
+        let quarter = (0..=width / 4 + 1).map(|k| Place::at(TAU * k as f64 / width as f64)).collect();
+        Self { width, rows, y, slope, height: row_edges.len() - 1, quarter }
     }
 
     pub(super) fn width(&self) -> usize {
@@ -99,7 +135,7 @@ impl Grid {
     /// Walks along the `size` pieces of a grid line, ψ = turn · atan(t / b), t from −1 to 1: every texel that each of them
     /// crosses.
     pub(super) fn along_line(&self, circle: &Circle, turn: f64, size: usize, mut visit: impl FnMut(usize, Part)) {
-        let angle = |t: f64| (t.abs() / circle.b).atan();
+        let angle = |t: f64| Place::at_tangent(t.abs(), circle.b);
         for i in 0..size {
             let (t0, t1) = (edge(size, i), edge(size, i + 1));
             // Split where the circle is highest; each part is walked away from there, and counted as t grows.
@@ -114,10 +150,12 @@ impl Grid {
 
     /// The pieces beyond the middle of a grid line, ψ = atan(t / b), t from 0 to 1.
     pub(super) fn along_half(&self, circle: &Circle, size: usize, mut visit: impl FnMut(usize, Part)) {
-        let angle = |t: f64| (t / circle.b).atan();
+        let angle = |t: f64| Place::at_tangent(t, circle.b);
+        let mut from = angle(0.0);
         for i in size / 2..size {
-            let (t0, t1) = (edge(size, i).max(0.0), edge(size, i + 1));
-            self.walk(circle, 1.0, [angle(t0), angle(t1)], 1.0, |part| visit(i, part));
+            let to = angle(edge(size, i + 1));
+            self.walk(circle, 1.0, [from, to], 1.0, |part| visit(i, part));
+            from = to;
         }
     }
 
@@ -147,35 +185,40 @@ impl Grid {
         let [start, end] = [from, to].map(|point| turn(point).clamp(-most, most));
         let (low, high, sign) = if start < end { (start, end, 1.0) } else { (end, start, -1.0) };
         if low < 0.0 {
-            self.walk(&circle, -1.0, [(-high).max(0.0), -low], sign, &mut visit);
+            self.walk(&circle, -1.0, [(-high).max(0.0), -low].map(Place::at), sign, &mut visit);
         }
         if high > 0.0 {
-            self.walk(&circle, 1.0, [low.max(0.0), high], sign, &mut visit);
+            self.walk(&circle, 1.0, [low.max(0.0), high].map(Place::at), sign, &mut visit);
         }
     }
 
-    /// The texels along the arc φ = centre + side · s, s from `from` to `to`, both ≥ 0, lengths multiplied by `sign`.
-    fn walk(&self, circle: &Circle, side: f64, [from, to]: [f64; 2], sign: f64, mut visit: impl FnMut(Part)) {
-        let column_position = (circle.centre + side * from + PI) / TAU * self.width as f64;
+    /// The texels along the arc φ = centre + side · ψ, ψ from `from` to `to`, both ≥ 0, lengths multiplied by `sign`.
+    fn walk(&self, circle: &Circle, side: f64, [from, to]: [Place; 2], sign: f64, mut visit: impl FnMut(Part)) {
+        let column_position = (circle.centre + side * from.psi + PI) / TAU * self.width as f64;
         let mut column = if side > 0.0 { column_position.floor() } else { column_position.ceil() - 1.0 };
-        let (mut area, y) = circle.height_integral(from);
-        let mut row = self.row_at(y);
-        let mut s = from;
+        let mut height = circle.height(from);
+        let mut row = self.row_at(circle.a * from.cos / (circle.b * circle.b + (circle.a * from.cos).powi(2)).sqrt());
+        let mut psi = from.psi;
         let mut next_column = self.column_crossing(circle, side, column);
         let mut next_row = self.row_crossing(circle, row);
-        while s < to {
-            let end = next_column.min(next_row).min(to).max(s);
-            let area_end = circle.height_integral(end).0;
+        while psi < to.psi {
+            let by_column = next_column.psi <= next_row.psi;
+            let next = if by_column { next_column } else { next_row };
+            let end = if next.psi < to.psi { next } else { to };
+            // ∫ y dψ as one angle: short arcs take no arctangent.
+            let [from_sin, from_cos] = height;
+            height = circle.height(end);
+            let area = arcsine(height[0] * from_cos - from_sin * height[1]);
             // P = P at the row's upper edge × length + L × ∫ (y_edge − y).
-            let length = end - s;
-            let depth = (self.y[row] * length - (area_end - area)) / self.row_height(row);
+            let length = end.psi.max(psi) - psi;
+            let depth = (self.y[row] * length - area) / self.row_height(row);
             let column_index = (column as i64).rem_euclid(self.width as i64) as usize;
             visit(Part { column: column_index, row, length: sign * length, depth: sign * depth });
-            (s, area) = (end, area_end);
-            if end == to {
+            psi += length;
+            if next.psi >= to.psi {
                 break;
             }
-            if next_column <= next_row {
+            if by_column {
                 column += side;
                 next_column = self.column_crossing(circle, side, column);
             } else {
@@ -192,19 +235,23 @@ impl Grid {
     }
 
     /// Where, going outwards, the arc leaves a column.
-    fn column_crossing(&self, circle: &Circle, side: f64, column: f64) -> f64 {
+    fn column_crossing(&self, circle: &Circle, side: f64, column: f64) -> Place {
         let edge = if side > 0.0 { column + 1.0 } else { column };
-        side * (TAU * edge / self.width as f64 - PI - circle.centre)
+        if circle.centre == -PI && edge >= 0.0 && (edge as usize) < self.quarter.len() && side > 0.0 {
+            return self.quarter[edge as usize];
+        }
+        Place::at(side * (TAU * edge / self.width as f64 - PI - circle.centre))
     }
 
-    /// Where, going outwards and so towards the equator, the arc leaves a row; infinity if it does not.
-    fn row_crossing(&self, circle: &Circle, row: usize) -> f64 {
+    /// Where, going outwards and so towards the equator, the arc leaves a row; infinitely far away if it does not.
+    fn row_crossing(&self, circle: &Circle, row: usize) -> Place {
+        let never = Place { psi: f64::INFINITY, sin: 0.0, cos: 0.0 };
         let edge = if circle.a > 0.0 { row + 1 } else { row };
         if circle.a == 0.0 || edge == 0 || edge >= self.rows {
-            return f64::INFINITY;
+            return never;
         }
         // Above one, rounding has put the arc's highest point in the row beyond: it leaves that at once.
         let cos = (circle.b * self.slope[edge] / circle.a).min(1.0);
-        if cos > 0.0 { cos.acos() } else { f64::INFINITY }
+        if cos > 0.0 { Place { psi: cos.acos(), sin: ((1.0 - cos) * (1.0 + cos)).sqrt(), cos } } else { never }
     }
 }

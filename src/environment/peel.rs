@@ -71,26 +71,32 @@ impl Peel {
         let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
         let of_blocks = |block: usize| {
             let top = block * BLOCK;
+            let rows = top..(top + BLOCK).min(height);
+            let solid_angles: Vec<f64> = rows.clone().map(|row| panorama.solid_angle(row)).collect();
+            let widest = solid_angles.iter().copied().fold(0.0, f64::max);
             let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
             for left in (0..width).step_by(BLOCK) {
-                let rows = top..(top + BLOCK).min(height);
                 let columns = left..(left + BLOCK).min(width);
                 let places = || rows.clone().flat_map(|r| columns.clone().map(move |c| r * width + c));
                 // Nothing here may be an outlier even against the darkest texel.
-                let brightest = |i: usize| panorama.texels()[i].iter().map(|&v| f64::from(v)).sum::<f64>();
-                let most_excess = places().map(brightest).fold(f64::NEG_INFINITY, f64::max) - darkest;
-                let widest = rows.clone().map(|r| panorama.solid_angle(r)).fold(0.0, f64::max);
+                let mut brightest = f64::NEG_INFINITY;
+                for row in rows.clone() {
+                    for texel in &panorama.row(row)[columns.clone()] {
+                        let sum = f64::from(texel[0]) + f64::from(texel[1]) + f64::from(texel[2]);
+                        brightest = if sum > brightest { sum } else { brightest };
+                    }
+                }
+                let most_excess = brightest - darkest;
                 if most_excess * widest < least_share * 4.0 * PI * mean.abs() {
                     continue;
                 }
                 let median = median(places().map(|i| panorama.texels()[i]).collect());
                 let surroundings = median.iter().map(|&v| f64::from(v)).sum::<f64>().max(1e-3 * mean);
-                let block_angle: f64 =
-                    rows.clone().map(|r| panorama.solid_angle(r)).sum::<f64>() * columns.len() as f64;
+                let block_angle: f64 = solid_angles.iter().sum::<f64>() * columns.len() as f64;
                 for index in places() {
                     let texel = panorama.texels()[index];
                     let excess: f64 = (0..3).map(|c| f64::from((texel[c] - median[c]).max(0.0))).sum();
-                    let flux = excess * panorama.solid_angle(index / width);
+                    let flux = excess * solid_angles[index / width - top];
                     let share = flux / (4.0 * PI * mean.abs());
                     let flux = flux / (surroundings * block_angle);
                     if flux > least && share >= least_share {

@@ -35,7 +35,7 @@ impl Texture {
     /// **Shape**: `values` is height × width × channels, channel fastest.
     ///
     /// **Errors**: another number of values than that.
-    pub fn flat<T: Copy + Into<f64>>(
+    pub fn flat<T: Copy + Into<f64> + Sync>(
         format: TexelFormat,
         width: usize,
         height: usize,
@@ -49,7 +49,7 @@ impl Texture {
     /// **Shape**: `values` is depth × height × width × channels, channel fastest.
     ///
     /// **Errors**: another number of values than that.
-    pub fn volume<T: Copy + Into<f64>>(
+    pub fn volume<T: Copy + Into<f64> + Sync>(
         format: TexelFormat,
         [width, height, depth]: [usize; 3],
         values: &[T],
@@ -62,7 +62,7 @@ impl Texture {
     /// **Shape**: `values` is layers × height × width × channels, channel fastest.
     ///
     /// **Errors**: another number of values than that.
-    pub fn array<T: Copy + Into<f64>>(
+    pub fn array<T: Copy + Into<f64> + Sync>(
         format: TexelFormat,
         [width, height, array_layers]: [usize; 3],
         values: &[T],
@@ -91,7 +91,7 @@ impl Texture {
         Self { faces: 6, ..Self::empty(format, size, size) }
     }
 
-    fn filled<T: Copy + Into<f64>>(mut self, values: &[T]) -> Result<(Self, PackReport)> {
+    fn filled<T: Copy + Into<f64> + Sync>(mut self, values: &[T]) -> Result<(Self, PackReport)> {
         let report = self.push_level(values)?;
         self.check()?;
         Ok((self, report))
@@ -102,7 +102,7 @@ impl Texture {
     /// **Shape**: `values` is array layers × faces × slices × height × width × channels of that level, channel fastest.
     ///
     /// **Errors**: another number of values than that.
-    pub fn push_level<T: Copy + Into<f64>>(&mut self, values: &[T]) -> Result<PackReport> {
+    pub fn push_level<T: Copy + Into<f64> + Sync>(&mut self, values: &[T]) -> Result<PackReport> {
         let level = self.levels.len();
         let [width, height] = self.level_size(level);
         let texels = width.checked_mul(height).and_then(|n| n.checked_mul(self.layers(level)));

@@ -2,6 +2,7 @@
 
 use super::{Number, PackReport, b10g11r11, bc6h, rgb9e5, rgbd, rgbe, rgbm, rgbp};
 use crate::error::{Error, Result};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -187,10 +188,11 @@ impl TexelFormat {
     /// Packs pictures of that size, one after the other.
     ///
     /// **Shape**: `values` is pictures × height × width × [`TexelFormat::channels`], channel fastest; what is no whole picture is left out.
-    pub fn pack<T: Copy + Into<f64>>(self, width: usize, height: usize, values: &[T]) -> (Vec<u8>, PackReport) {
+    pub fn pack<T: Copy + Into<f64> + Sync>(self, width: usize, height: usize, values: &[T]) -> (Vec<u8>, PackReport) {
         let whole = width.saturating_mul(height).saturating_mul(self.channels()).max(1);
         let values = &values[..values.len() / whole * whole];
-        match self {
+        let size = if self == Bc6h { whole } else { PART * self.channels() };
+        let part = |values: &[T]| match self {
             Plain { number, .. } => number.pack(values),
             Rgb9e5 => rgb9e5::pack(values),
             B10g11r11 => b10g11r11::pack(values),
@@ -198,23 +200,20 @@ impl TexelFormat {
             Rgbp => rgbp::pack(values),
             Rgbd => rgbd::pack(values),
             Rgbe => rgbe::pack(values),
-            Bc6h => {
-                let (mut all, mut report) = (vec![], PackReport::default());
-                for picture in values.chunks_exact(whole) {
-                    let (blocks, found) = bc6h::pack(width, height, picture);
-                    all.extend(blocks);
-                    report = report.merge(found);
-                }
-                (all, report)
-            }
-        }
+            Bc6h => bc6h::pack(width, height, values),
+        };
+        let parts: Vec<(Vec<u8>, PackReport)> = values.par_chunks(size).map(part).collect();
+        let report = parts.iter().fold(PackReport::default(), |report, (_, found)| report.merge(*found));
+        (joined(parts.into_iter().map(|(bytes, _)| bytes)), report)
     }
 
     /// Unpacks pictures of that size; what is no whole picture is left out.
     pub fn unpack(self, width: usize, height: usize, bytes: &[u8]) -> Vec<f32> {
         let Some(picture) = self.bytes(width, height).filter(|&n| n > 0) else { return vec![] };
         let bytes = &bytes[..bytes.len() / picture * picture];
-        match self {
+        let texel = self.bytes(1, 1).unwrap_or(picture);
+        let size = if self == Bc6h { picture } else { PART * texel };
+        let part = |bytes: &[u8]| match self {
             Plain { number, .. } => number.unpack(bytes),
             Rgb9e5 => rgb9e5::unpack(bytes),
             B10g11r11 => b10g11r11::unpack(bytes),
@@ -222,14 +221,25 @@ impl TexelFormat {
             Rgbp => rgbp::unpack(bytes),
             Rgbd => rgbd::unpack(bytes),
             Rgbe => rgbe::unpack(bytes),
-            Bc6h => bytes.chunks_exact(picture).flat_map(|blocks| bc6h::unpack(width, height, blocks)).collect(),
-        }
+            Bc6h => bc6h::unpack(width, height, bytes),
+        };
+        joined(bytes.par_chunks(size).map(part).collect::<Vec<_>>().into_iter())
     }
 
     /// The names of all texel formats, separated by commas.
     pub fn names() -> String {
         Self::ALL.map(|format| format.to_string()).join(", ")
     }
+}
+
+/// Texels that a thread packs at a time.
+const PART: usize = 1 << 14;
+
+/// One list after the other; a lone one as it is.
+fn joined<T: Copy>(mut lists: impl Iterator<Item = Vec<T>>) -> Vec<T> {
+    let mut all = lists.next().unwrap_or_default();
+    lists.for_each(|list| all.extend_from_slice(&list));
+    all
 }
 
 impl fmt::Display for TexelFormat {

@@ -118,6 +118,8 @@ const FIREFLY: f64 = 2.0;
 const STEP: f64 = 1.27;
 /// The narrowest that is tried.
 const NARROWEST: f64 = 0.012;
+/// Sheens narrower than this take seconds each: they are tried where the narrowest of the wider ones fits better than any other kernel.
+const SLOW_SHEEN: f64 = 0.1;
 /// Texels of a level that its width is fitted to.
 const SAMPLES: usize = 768;
 /// A fit is believed if it leaves at most this part of the truth's own spread, and this much of it.
@@ -349,7 +351,22 @@ impl Fitting<'_> {
         let kinds: Vec<KernelKind> = question.kernel.map_or(KernelKind::ALL.to_vec(), |kind| vec![kind]);
         let first = usize::from(verdict.against_itself);
         // Fits of every level by every kind.
-        let fits: Vec<Vec<Best>> = kinds.iter().map(|&kind| self.best_widths(kind, &alphas)).collect();
+        let mut fits: Vec<Vec<Best>> = vec![];
+        for &kind in &kinds {
+            let quick = match kind {
+                KernelKind::Charlie => alphas.partition_point(|&alpha| alpha < SLOW_SHEEN).min(n),
+                KernelKind::Nol | KernelKind::G1 => 0,
+            };
+            let mut fit = self.best_widths(kind, &alphas[quick..]);
+            let may_be_narrower = |(m, best): (usize, &Best)| {
+                let narrowest = best.alpha > 0.0 && best.alpha < 1.001 * alphas[quick];
+                narrowest && fits.iter().all(|others| best.residual <= others[m].residual)
+            };
+            if quick > 0 && fit.iter().enumerate().any(may_be_narrower) {
+                fit = self.best_widths(kind, &alphas);
+            }
+            fits.push(fit);
+        }
         let total = |fits: &[Best]| {
             let told = fits[first.min(fits.len())..].iter().filter(|best| best.alpha > 0.0);
             let (sum, n) = told.fold((0.0, 0), |(sum, n), best| (sum + best.residual, n + 1));

@@ -86,7 +86,7 @@ fn masked_and_sheen_kernels_are_within_1e_4_of_the_full_sum_wherever_errors_hide
         .into_iter()
         .flat_map(|kind| [0.05, 0.25, 1.0].map(|alpha| Kernel::of(kind, alpha)))
         .collect();
-    for (size, sun) in [([64, 32], (37, 10)), ([34, 17], (0, 0)), ([10, 5], (4, 2))] {
+    for (size, sun) in [([48, 24], (27, 8)), ([10, 5], (0, 0))] {
         let panorama = lit(size, 3, sun);
         assert_goal(&panorama, &kernels, &aims(&panorama, &NEAR_AND_RING));
     }

@@ -8,6 +8,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
@@ -263,15 +264,17 @@ pub(super) fn cells(panorama: &Panorama) -> Vec<Cell> {
     let mut cells: Vec<Cell> =
         (0..across * down).map(|_| Cell { direction: DVec3::ZERO, flux: [0.0; 3], solid_angle: 0.0 }).collect();
     let columns: Vec<usize> = (0..width).map(|column| column * across / width).collect();
-    for row in 0..height {
-        let solid_angle = panorama.solid_angle(row);
-        let cells = &mut cells[row * down / height * across..][..across];
-        for (&column, texel) in columns.iter().zip(panorama.row(row)) {
-            let cell = &mut cells[column];
-            (0..3).for_each(|c| cell.flux[c] += f64::from(texel[c]) * solid_angle);
-            cell.solid_angle += solid_angle;
+    cells.par_chunks_mut(across).enumerate().for_each(|(band, cells)| {
+        // The rows that `row * down / height` says are of this band.
+        for row in (band * height).div_ceil(down)..((band + 1) * height).div_ceil(down) {
+            let solid_angle = panorama.solid_angle(row);
+            for (&column, texel) in columns.iter().zip(panorama.row(row)) {
+                let cell = &mut cells[column];
+                (0..3).for_each(|c| cell.flux[c] += f64::from(texel[c]) * solid_angle);
+                cell.solid_angle += solid_angle;
+            }
         }
-    }
+    });
     for (i, cell) in cells.iter_mut().enumerate() {
         let theta = PI * ((i / across) as f64 + 0.5) / down as f64;
         let (sin, cos) = libm::sincos(TAU * ((i % across) as f64 + 0.5) / across as f64 - PI);
