@@ -194,7 +194,7 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     // however little that is.
     let is_refuted = |other: &&Ranked| best.misrounded == 0.0 && other.misrounded >= REFUTED;
     let is_near = |other: &&Ranked| times(other) < FARTHER;
-    let rivalled = others.iter().any(|other| is_near(&other) && !is_refuted(&other));
+    let rivalled = others.iter().any(|other| is_near(other) && !is_refuted(other));
     let runner_up = others.into_iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
         what: what(&second.hypothesis),
         residual: second.rms,

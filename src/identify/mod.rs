@@ -13,6 +13,7 @@ mod cache;
 mod explain;
 pub mod masters;
 mod ramp;
+mod residual;
 mod search;
 
 pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
@@ -259,7 +260,7 @@ impl Ranked {
         let pairs = || self.says.iter().zip(&other.says);
         // Errors of Monte Carlo are standard errors: four of their sum, so that hardly one in ten thousand is farther off by chance.
         let near = |((a, a_error), (b, b_error)): (&(f64, f64), &(f64, f64))| {
-            a.is_nan() == b.is_nan() && !((a - b).abs() > 2.0 * JUDGED_TO + 4.0 * (a_error + b_error))
+            (a.is_nan() && b.is_nan()) || (a - b).abs() <= 2.0 * JUDGED_TO + 4.0 * (a_error + b_error)
         };
         !self.says.is_empty() && self.says.len() == other.says.len() && pairs().all(near)
     }

@@ -16,7 +16,7 @@ pub(super) fn said(tokens: &[Token], n: usize) -> Option<Vec<usize>> {
     let mut shape: Vec<usize> = [depth.ok()?, height.ok()?].into_iter().flatten().chain([width]).collect();
     let texels = shape.iter().try_fold(1_usize, |n, &length| n.checked_mul(length)).filter(|&texels| texels > 0)?;
     // A texture's channels often go without saying.
-    match channels.or((n % texels == 0).then_some(n / texels))? {
+    match channels.or(n.is_multiple_of(texels).then_some(n / texels))? {
         1 if texels == n => {}
         channels if (1..=4).contains(&channels) && texels.checked_mul(channels) == Some(n) => shape.push(channels),
         _ => return None,
