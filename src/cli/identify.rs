@@ -100,8 +100,9 @@ fn text(name: &str, found: &Identification) -> String {
         }
         if let Some(runner_up) = &c.runner_up {
             text += &if c.quantity.is_some() {
+                let ruled_out = if runner_up.ruled_out { "; the other channels rule it out" } else { "" };
                 format!(
-                    "{}: the next best, {}, leaves {:.1} times as much\n",
+                    "{}: the next best, {}, leaves {:.1} times as much{ruled_out}\n",
                     c.channel, runner_up.what, runner_up.times
                 )
             } else {

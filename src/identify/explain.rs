@@ -50,6 +50,8 @@ pub struct RunnerUp {
     pub residual: f64,
     /// How many times what the best one leaves.
     pub times: f64,
+    /// Whether it is near, and yet no rival, as other channels of the table make it certain what the texels stand for.
+    pub ruled_out: bool,
 }
 
 /// What the texels along one dimension stand for.
@@ -184,23 +186,25 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     let relative = best.trimmed / data.spread;
     let times_rounding = best.rms / data.rounding.max(1e-7);
     let times = |other: &Ranked| (other.trimmed + data.rounding) / (best.trimmed + data.rounding);
-    let (same, mut others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
+    let (same, others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
     // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
     // over other axes, cropped and stretched as they had to be, is no rival.
-    if let Some(certain) = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best)) {
-        others.retain(|other| best.is_rivalled_by(other, certain));
-    }
+    let known = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best));
+    let (rivals, ruled_out): (Vec<&Ranked>, Vec<&Ranked>) =
+        others.into_iter().partition(|other| known.is_none_or(|known| best.is_rivalled_by(other, known)));
     // Where all of many texels are what rounding makes of the best explanation, what would have some of them rounded wrongly is refuted,
     // however little that is.
     let is_refuted = |other: &&Ranked| best.misrounded == 0.0 && other.misrounded >= REFUTED;
     let is_near = |other: &&Ranked| times(other) < FARTHER;
-    let rivalled = others.iter().any(|other| is_near(other) && !is_refuted(other));
-    let runner_up = others.into_iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
+    let rivalled = rivals.iter().any(|other| is_near(other) && !is_refuted(other));
+    let nearest = |list: &[&Ranked]| list.iter().copied().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).cloned();
+    let away = nearest(&rivals).as_ref().map_or(f64::INFINITY, times);
+    let runner_up = nearest(&rivals).or_else(|| nearest(&ruled_out)).map(|second| RunnerUp {
         what: what(&second.hypothesis),
         residual: second.rms,
-        times: times(second),
+        times: times(&second),
+        ruled_out: rivals.is_empty() && times(&second) < FAR,
     });
-    let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
     let encoding = best.hypothesis.encoding;
     let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
     let curved = encoding.curve != Curve::Plain;
@@ -224,7 +228,7 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     let figures = (Some(best.rms), Some(relative), Some(times_rounding));
     if confidence == Confidence::Unknown {
         // What comes nearest is told, but not as what it is.
-        let nearest = RunnerUp { what: what(&best.hypothesis), residual: best.rms, times: 1.0 };
+        let nearest = RunnerUp { what: what(&best.hypothesis), residual: best.rms, times: 1.0, ruled_out: false };
         return ChannelFinding { runner_up: Some(nearest), ..unknown };
     }
     let definition = &best.hypothesis.master.definition;
