@@ -5,7 +5,7 @@
 //! says that it may go. Certificates stay behind: they are about the file that they came in.
 
 use crate::certificate::{self, Certificate};
-use crate::environment::{Orientation, Panorama, SphereLayout, SphereMap};
+use crate::environment::{Orientation, Panorama, SphereLayout, SphereMap, atlas};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, Decoded, FormatSpec, Image, Packing, Texture, source};
 use crate::pack::{PackReport, TexelFormat};
@@ -361,6 +361,10 @@ impl Sphere {
     fn new(layout: SphereLayout, width: usize, height: usize, texels: Vec<[f32; 3]>) -> Result<Self> {
         if layout == SphereLayout::Equirect {
             return Panorama::new(width, height, texels).map(Self::Panorama);
+        }
+        if layout == SphereLayout::Atlas {
+            let mirror = atlas::cut(&texels, &atlas::tiles()[0])?;
+            return Ok(Self::Map(SphereMap { layout, size: atlas::SIZE, texels: mirror }));
         }
         if width != height {
             return Err(Error::invalid(

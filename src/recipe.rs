@@ -4,6 +4,7 @@
 //! [`Recipe::to_toml`] prints the recipe with nothing left out: the same file again gives the same bytes again.
 
 use crate::colour::TargetColour;
+use crate::environment::atlas;
 use crate::environment::chain::{LEAST_SHEEN, check_kernel, check_view};
 use crate::environment::sh_bands::MOST_BANDS;
 use crate::environment::{
@@ -512,7 +513,9 @@ impl EnvironmentRecipe {
     /// Name of the irradiance cube's file, if there is one.
     pub fn irradiance_name(&self) -> Option<String> {
         let name = || format!("irradiance.{}", self.format_of_irradiance().extension());
-        (self.irradiance == IrradianceKind::Cube).then(|| self.irradiance_file.clone().unwrap_or_else(name))
+        // An atlas has a tile for it.
+        let own = self.irradiance == IrradianceKind::Cube && self.layout != SphereLayout::Atlas;
+        own.then(|| self.irradiance_file.clone().unwrap_or_else(name))
     }
 
     /// How the input is read.
@@ -600,6 +603,7 @@ impl EnvironmentRecipe {
             }
         }
         self.layout.check_orientation(&self.orientation)?;
+        self.check_atlas()?;
         self.check_levels()?;
         let halvings = self.level_roughness().len() - 1;
         if self.layout == SphereLayout::Equirect && !self.size.is_multiple_of(1 << halvings) {
@@ -615,10 +619,45 @@ impl EnvironmentRecipe {
         map_texel(self.format_of_irradiance(), self.layout).map(|_| ())
     }
 
+    /// An atlas is what PlayCanvas' shader expects, and nothing else.
+    fn check_atlas(&self) -> Result<()> {
+        if self.layout != SphereLayout::Atlas {
+            return Ok(());
+        }
+        let levels = self.level_roughness().len();
+        let texel = self.format.texel(3)?;
+        let wrong = |problem: String, way_out: &str| Err(Error::usage(problem, way_out));
+        if self.size != atlas::SIZE || self.irradiance_size != atlas::IRRADIANCE_SIZE {
+            return wrong(
+                format!("an atlas of size {} and irradiance size {}", self.size, self.irradiance_size),
+                "leave --size, --irradiance-size and --draft out: PlayCanvas' shader knows tiles of 256 and 32 rows only",
+            );
+        }
+        if levels != atlas::LEVELS {
+            return wrong(format!("an atlas of {levels} levels"), "use --roughness 0,0.2,0.4,0.6,0.8,1");
+        }
+        if self.format.container() != Container::Png || texel != TexelFormat::Rgbp {
+            return wrong(format!("an atlas in {}", self.format), "use --format png:rgbp, which PlayCanvas reads");
+        }
+        if self.irradiance != IrradianceKind::Cube || self.irradiance_format.is_some_and(|own| own != self.format) {
+            return wrong(
+                format!("an atlas with irradiance of its own kind ({})", self.irradiance.name()),
+                "use --irradiance cube without --irradiance-format: the atlas has a tile for it",
+            );
+        }
+        if self.fit != Fit::None {
+            return wrong(
+                "a fitted atlas, whose border would no longer be what it repeats".to_owned(),
+                "use --fit none",
+            );
+        }
+        Ok(())
+    }
+
     /// A picture without mips holds one level, and no more.
     fn check_levels(&self) -> Result<()> {
         let levels = self.level_roughness().len();
-        if levels == 1 || self.format.container().has_mips() {
+        if levels == 1 || self.layout == SphereLayout::Atlas || self.format.container().has_mips() {
             return Ok(());
         }
         Err(Error::usage(

@@ -3,7 +3,8 @@
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, FileDigest, Input, Level, ShFits};
 use crate::check::{Check, CubeLevel, EnvironmentValues, Precision, Spread, WITNESS_POINTS};
-use crate::environment::chain::{ChainSpec, LevelReport, MapLevel, maps_and_irradiance_beside};
+use crate::environment::atlas;
+use crate::environment::chain::{ChainSpec, LevelReport, MapLevel, maps_and_irradiance_beside, mirrors};
 use crate::environment::sh_bands::Bands;
 use crate::environment::spherical_harmonics::{self, Coefficients, IrradianceFit, SphericalHarmonics};
 use crate::environment::{
@@ -126,7 +127,14 @@ impl SunFile {
 
 /// Texels that [`environment`] reports to its progress callback, unless it must draw more samples for a tolerance.
 pub fn environment_texels(recipe: &EnvironmentRecipe) -> u64 {
-    chain_spec(recipe, 0).total_texels() + recipe.layout.texels(recipe.irradiance_size) as u64
+    let mirrors: u64 = smaller_mirrors(recipe).map(|size| recipe.layout.texels(size) as u64).sum();
+    chain_spec(recipe, 0).total_texels() + recipe.layout.texels(recipe.irradiance_size) as u64 + mirrors
+}
+
+/// Sizes of the mirrors that an atlas has beside its chain.
+fn smaller_mirrors(recipe: &EnvironmentRecipe) -> impl Iterator<Item = usize> {
+    let n = if recipe.layout == SphereLayout::Atlas { atlas::LEVELS } else { 0 };
+    (1..n).map(|m| atlas::SIZE >> m)
 }
 
 fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
@@ -205,6 +213,13 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let mut cubes = vec![Packed::new(SPECULAR, recipe.specular_name(), recipe.format, recipe.size)];
     for (m, level) in specular.iter().enumerate() {
         cubes[0].push(format!("specular {m}"), level, recipe)?;
+    }
+    if recipe.layout == SphereLayout::Atlas {
+        let smaller = mirrors(panorama, &chain_spec(recipe, 0), smaller_mirrors(recipe), progress)?;
+        for (m, mirror) in (1..).zip(&smaller) {
+            cubes[0].push(format!("mirror {m}"), mirror, recipe)?;
+        }
+        cubes[0].push(IRRADIANCE.to_owned(), &irradiance, recipe)?;
     }
     if let Some(name) = recipe.irradiance_name() {
         let mut cube = Packed::new(IRRADIANCE, name, recipe.format_of_irradiance(), recipe.irradiance_size);
@@ -331,6 +346,11 @@ impl Packed {
     fn encode(self, metadata: Vec<(String, String)>, layout: SphereLayout, panorama: &Panorama) -> Result<Vec<u8>> {
         let primaries = panorama.primaries();
         let format = map_texel(self.format, layout)?;
+        if layout == SphereLayout::Atlas {
+            let empty = Texture::empty(format, atlas::EDGE, atlas::EDGE);
+            let picture = atlas::assemble(&self.bytes, format.block_bytes());
+            return format::encode(self.format, &Texture { levels: vec![picture], metadata, primaries, ..empty });
+        }
         let ([width, height], faces) = layout.shape(self.size);
         let empty = Texture { faces, ..Texture::empty(format, width, height) };
         format::encode(self.format, &Texture { levels: self.bytes, metadata, primaries, ..empty })

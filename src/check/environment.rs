@@ -359,6 +359,8 @@ fn resolved(layout: SphereLayout) -> f64 {
         SphereLayout::Cube => 4.0,
         SphereLayout::Octahedral => 16.0,
         SphereLayout::Equirect => 10.0,
+        // The same, of the N − 2 rows within the border.
+        SphereLayout::Atlas => 12.0,
     }
 }
 

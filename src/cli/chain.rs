@@ -6,7 +6,7 @@ use kiln::environment::kernel::KernelKind;
 use kiln::environment::{Panorama, Reading, load};
 use kiln::format::Decoded;
 use kiln::verify::Report;
-use kiln::verify::chain::{LevelVerdict, Question, Verdict, is_cube, judge, levels_of};
+use kiln::verify::chain::{LevelVerdict, Question, Verdict, is_cube, judge_maps, levels_of};
 use kiln::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 /// What a chain is compared with.
 #[derive(Debug, Clone, Default, Args)]
 pub struct ChainArgs {
-    /// What an environment chain was made from: a panorama, a cube or builtin:NAME
+    /// What an environment chain was made from: a panorama, a cube or builtin:NAME. The chain may be of cubes, of squares (octahedral maps)
+    /// or of panoramas
     #[arg(long, value_name = "INPUT")]
     pub source: Option<String>,
     /// The kernel that it is said to have [default: whichever fits]
@@ -67,7 +68,7 @@ impl ChainArgs {
         self.source.as_ref().map(read).transpose()
     }
 
-    /// Judges a file that holds a cube.
+    /// Judges a file that holds a cube, or a chain of squares or panoramas.
     pub fn judge(&self, path: &Path, source: Option<&Panorama>, max_error: Option<f64>) -> Result<Judged> {
         let levels = kiln::format::read(path).and_then(|content| levels_of(&content)).map_err(|e| e.in_file(path))?;
         if let Some(bad) = self.roughness.iter().find(|r| !(0.0..=1.0).contains(*r)) {
@@ -82,7 +83,7 @@ impl ChainArgs {
             roughness: (!self.roughness.is_empty()).then(|| self.roughness.clone()),
             max_error,
         };
-        let verdict = judge(&levels, &question).map_err(|e| e.in_file(path))?;
+        let verdict = judge_maps(&levels, &question).map_err(|e| e.in_file(path))?;
         Ok(Judged { file: path.to_owned(), source: self.source.clone(), verdict })
     }
 
@@ -107,7 +108,8 @@ impl Judged {
             Some(source) => format!("against {source}"),
             None => "against its own level 0".to_owned(),
         };
-        format!("cube of {}², {} levels, {against}", self.verdict.size, self.verdict.levels.len())
+        let Verdict { layout, size, levels, .. } = &self.verdict;
+        format!("{} of {}, {} levels, {against}", layout.noun(), layout.size_text(*size), levels.len())
     }
 
     fn report(self) -> Report {

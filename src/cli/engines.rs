@@ -155,7 +155,9 @@ impl EnvironmentRow {
             format: preset.format,
             irradiance_format: preset.irradiance_format,
             specular_file: preset.specular_file,
-            irradiance_file: (preset.irradiance == IrradianceKind::Cube).then_some(preset.irradiance_file),
+            irradiance_file: (preset.irradiance == IrradianceKind::Cube)
+                .then_some(preset.irradiance_file)
+                .filter(|file| !file.is_empty()),
         })
     }
 }

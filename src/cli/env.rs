@@ -123,6 +123,8 @@ enum InputLayoutName {
     Strip,
     /// A cube texture or six files
     Cube,
+    /// One square, as --layout octahedral writes it; of mips the largest, as of a panorama's
+    Octahedral,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -133,6 +135,8 @@ enum LayoutName {
     Octahedral,
     /// A panorama: u = ½ + atan2(d.z, d.x)/2π, v = acos(d.y)/π
     Equirect,
+    /// PlayCanvas' atlas: such panoramas of all levels and of irradiance in one picture of 512²
+    Atlas,
 }
 
 impl From<LayoutName> for SphereLayout {
@@ -141,6 +145,7 @@ impl From<LayoutName> for SphereLayout {
             LayoutName::Cube => Self::Cube,
             LayoutName::Octahedral => Self::Octahedral,
             LayoutName::Equirect => Self::Equirect,
+            LayoutName::Atlas => Self::Atlas,
         }
     }
 }
@@ -313,6 +318,7 @@ impl Env {
             InputLayoutName::Cross => InputLayout::Cross,
             InputLayoutName::Strip => InputLayout::Strip,
             InputLayoutName::Cube => InputLayout::Cube,
+            InputLayoutName::Octahedral => InputLayout::Octahedral,
         };
         recipe.to = match self.to {
             TargetName::Rec709 => TargetColour::Rec709,
@@ -458,7 +464,9 @@ fn fit_note(levels: &[Level]) -> String {
 fn warn_of_input(recipe: &EnvironmentRecipe, report: &InputReport, console: &Console) {
     let warn = |text: String| console.warn(&format!("{}: {text}", recipe.input));
     let [width, height] = report.size;
-    if report.layout != Layout::Panorama {
+    if report.layout == Layout::Octahedral {
+        console.note(&format!("{}: read as an octahedral map of {width}²", recipe.input));
+    } else if report.layout != Layout::Panorama {
         console.note(&format!("{}: read as a {}, faces of {width}²", recipe.input, report.layout));
     } else if width != 2 * height {
         warn(format!("{width} × {height} is not 2:1; its texels are spread over the whole sphere all the same"));

@@ -239,6 +239,21 @@ pub(crate) fn maps_and_irradiance_beside(
     Ok((levels, irradiance))
 }
 
+/// Mirrors of those sizes in the layout of `spec`, turned as it says.
+///
+/// **Errors**: see [`SphereLayout::check_orientation`].
+pub(crate) fn mirrors(
+    panorama: &Panorama,
+    spec: &ChainSpec,
+    sizes: impl Iterator<Item = usize>,
+    finished: &(dyn Fn(u64) + Sync),
+) -> Result<Vec<MapLevel>> {
+    // Nothing is filtered: the witness that prepares nothing will do.
+    let spec = ChainSpec { integrator: Integrator::Quadrature, fit: Fit::None, probe: false, ..spec.clone() };
+    let filter = Filter::new(panorama, &spec, &[]);
+    sizes.map(|size| filter.map_level(&spec, size, 0.0, None, finished)).collect()
+}
+
 /// Whether a kernel has all these roughnesses.
 ///
 /// **Errors**: a sheen of roughness 0, which is no mirror.

@@ -64,9 +64,18 @@ fn overlaps([low, high]: [f64; 2], edges: impl Fn(usize) -> f64, around: Range<u
 ///
 /// **Errors**: see [`check_orientation`].
 pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation) -> Result<SphereMap> {
+    let texels = averages(panorama, [2 * size, size], orientation)?;
+    Ok(SphereMap { layout: SphereLayout::Equirect, size, texels })
+}
+
+/// The same of any number of columns and rows.
+pub(super) fn averages(
+    panorama: &Panorama,
+    [n_columns, n_rows]: [usize; 2],
+    orientation: &Orientation,
+) -> Result<Vec<[f32; 3]>> {
     check_orientation(orientation)?;
     let (width, height, mean) = (panorama.width(), panorama.height(), panorama.mean());
-    let n_columns = 2 * size;
     // The azimuth that is looked up, φ, is the world's start + sign φ; columns are counted over two turns, so that none wraps.
     let start = orientation.world(DVec3::X);
     let start = start.z.atan2(start.x);
@@ -85,7 +94,7 @@ pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation)
     };
     let columns: Vec<Vec<(usize, f64)>> = (0..n_columns).map(column).collect();
     let below = orientation.world(DVec3::Y).y < 0.0;
-    let (ours, theirs) = (row_edges(size), panorama.row_edges());
+    let (ours, theirs) = (row_edges(n_rows), panorama.row_edges());
     let row = |i: usize| {
         // Downwards, as rows are counted; edges mirror each other.
         let [top, bottom] = if below { [-ours[i + 1], -ours[i]] } else { [ours[i], ours[i + 1]] };
@@ -108,8 +117,7 @@ pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation)
         let value = |sum: [f64; 3]| std::array::from_fn(|c| ((mean[c] + sum[c]) as f32).clamp(low[c], high[c]));
         sums.into_iter().map(value).collect::<Vec<[f32; 3]>>()
     };
-    let texels = (0..size).into_par_iter().flat_map_iter(line).collect();
-    Ok(SphereMap { layout: SphereLayout::Equirect, size, texels })
+    Ok((0..n_rows).into_par_iter().flat_map_iter(line).collect())
 }
 
 #[cfg(test)]

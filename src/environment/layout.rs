@@ -1,4 +1,4 @@
-//! How a picture holds an environment: as a panorama, or as the six faces of a cube beside each other.
+//! How a picture holds an environment: as a panorama, as the six faces of a cube beside each other, or as an octahedral map.
 //!
 //! A cross unfolds the cube around +Z; all faces stand as they are, only the −Z at the foot of a vertical one is turned
 //! by 180°, so that it goes on where −Y ends. A strip is the six faces in their order.
@@ -34,6 +34,8 @@ pub enum InputLayout {
     Strip,
     /// A cube texture, or six files.
     Cube,
+    /// One square, as [`octahedral`](super::octahedral) lays it out. A square picture does not say that it is one, so this must.
+    Octahedral,
 }
 
 /// What an input was read as.
@@ -55,6 +57,8 @@ pub enum Layout {
     HorizontalStrip,
     /// A picture of 1:6.
     VerticalStrip,
+    /// An octahedral map.
+    Octahedral,
 }
 
 impl fmt::Display for Layout {
@@ -67,13 +71,14 @@ impl fmt::Display for Layout {
             Self::VerticalCross => "vertical cross",
             Self::HorizontalStrip => "horizontal strip",
             Self::VerticalStrip => "vertical strip",
+            Self::Octahedral => "octahedral map",
         })
     }
 }
 
 /// What a picture of this size is. [`Layout::Panorama`] includes what is nothing in particular.
 ///
-/// **Errors**: a cross or a strip that is asked for and cannot be one.
+/// **Errors**: a cross, a strip or an octahedral map that is asked for and cannot be one.
 pub fn layout_of(width: usize, height: usize, asked: InputLayout) -> Result<Layout> {
     let is = |layout: Layout| {
         cells(layout).is_some_and(|(columns, rows, _)| face_size(width, height, columns, rows).is_some())
@@ -92,6 +97,11 @@ pub fn layout_of(width: usize, height: usize, asked: InputLayout) -> Result<Layo
         InputLayout::Auto => Ok(among(&crosses).or(among(&strips)).unwrap_or_default()),
         InputLayout::Cross => among(&crosses).map_or_else(|| wrong("cross (4:3 or 3:4)"), Ok),
         InputLayout::Strip => among(&strips).map_or_else(|| wrong("strip (6:1 or 1:6)"), Ok),
+        InputLayout::Octahedral if width == height => Ok(Layout::Octahedral),
+        InputLayout::Octahedral => Err(Error::invalid(
+            format!("a picture of {width} × {height}, where an octahedral map is square"),
+            "crop it, or use --input-layout panorama",
+        )),
         InputLayout::Cube => Err(Error::usage(
             format!("one picture of {width} × {height}, where a cube texture or six files are wanted"),
             "name one of six files (sky_px.hdr), use a pattern (sky_%s.hdr), or --input-layout cross or strip",
@@ -109,7 +119,7 @@ fn cells(layout: Layout) -> Option<Cells> {
         Layout::VerticalCross => Some((3, 4, [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (1, 3)])),
         Layout::HorizontalStrip => Some((6, 1, [0, 1, 2, 3, 4, 5].map(|i| (i, 0)))),
         Layout::VerticalStrip => Some((1, 6, [0, 1, 2, 3, 4, 5].map(|i| (0, i)))),
-        Layout::Panorama | Layout::CubeTexture | Layout::SixFiles => None,
+        Layout::Panorama | Layout::CubeTexture | Layout::SixFiles | Layout::Octahedral => None,
     }
 }
 

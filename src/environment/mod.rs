@@ -8,10 +8,11 @@
 //! ([`chain`], with one of several kernels: [`kernel`]) by spherical harmonics ([`zonal`]) or by one of two witnesses ([`monte_carlo`], which also sees lobes that are no kernels ([`view_lobe`]), and [`full_sum`]), the Lambert
 //! irradiance ([`irradiance`]) and nine spherical-harmonic coefficients
 //! ([`spherical_harmonics`]), or those of more bands ([`sh_bands`]); [`sh_convention`] and [`orientation`] bring them to the form that an
-//! engine reads. Chains and irradiance are cubes, or lie on a square ([`octahedral`]) or in a panorama ([`equirect`]): [`SphereLayout`].
+//! engine reads. Chains and irradiance are cubes, or lie on a square ([`octahedral`]), in a panorama ([`equirect`]) or in the tiles of an [`atlas`]: [`SphereLayout`].
 
 mod adjust;
 pub mod area_average;
+pub mod atlas;
 pub mod builtin;
 mod cells;
 pub mod chain;

@@ -33,6 +33,11 @@ impl Default for Orientation {
 }
 
 impl Orientation {
+    /// For x, y and z of the world: which component of the lookup vector, and whether it is negated. Each component once.
+    pub(crate) fn new(world: [(usize, bool); 3]) -> Self {
+        Self { world }
+    }
+
     /// Whether the cube is looked up with the world's direction as it is.
     pub fn is_identity(&self) -> bool {
         *self == Self::default()

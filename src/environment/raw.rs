@@ -1,12 +1,14 @@
-//! What a file holds, before repairs: the texels of a panorama or of the six faces of a cube.
+//! What a file holds, before repairs: the texels of a panorama, of the six faces of a cube or of an octahedral map.
 
 use std::path::PathBuf;
 
 use super::cube::{Cube, FACES, solid_angles};
 use super::from_cube::from_cube;
 use super::layout::{InputLayout, Layout, layout_of, unfold};
+use super::octahedral;
 use super::panorama::{Panorama, check_shape, row_solid_angle};
 use super::repair::{InputReport, Negatives, NonFinite, Policy, repair};
+use super::sphere_map::{SphereLayout, SphereMap};
 use crate::colour::{Primaries, TargetColour};
 use crate::error::{Error, Result};
 use crate::format::{Image, Texture, memory};
@@ -14,7 +16,7 @@ use crate::format::{Image, Texture, memory};
 /// Texels as they were read.
 pub(super) struct Raw {
     layout: Layout,
-    /// Width and height of the panorama, or of a face.
+    /// Width and height of the panorama, of the square, or of a face.
     size: [usize; 2],
     texels: Vec<[f32; 3]>,
     /// Whether all three channels are one.
@@ -127,17 +129,16 @@ impl Raw {
         Ok(Self { layout: Layout::SixFiles, size: [image.width; 2], texels, grey, stated: image.primaries })
     }
 
-    /// The panorama that is filtered: repaired, converted, a cube resampled.
+    /// The panorama that is filtered: repaired, converted, a cube or an octahedral map resampled by the exact overlaps of texels.
     pub(super) fn finish(mut self, policy: Policy) -> Result<(Panorama, InputReport)> {
         let [width, height] = self.size;
-        let is_cube = self.layout != Layout::Panorama;
-        // One solid angle for each texel of a face, or for each row of a panorama.
-        let angles: Vec<f64> = if is_cube {
-            solid_angles(width)
-        } else {
-            (0..height).map(|row| row_solid_angle(width, height, row)).collect()
+        let is_cube = !matches!(self.layout, Layout::Panorama | Layout::Octahedral);
+        // One solid angle for each texel of a face or of the square, or for each row of a panorama.
+        let (angles, run): (Vec<f64>, usize) = match self.layout {
+            Layout::Panorama => ((0..height).map(|row| row_solid_angle(width, height, row)).collect(), width),
+            Layout::Octahedral => (octahedral::solid_angles(width), 1),
+            _ => (solid_angles(width), 1),
         };
-        let run = if is_cube { 1 } else { width };
         let place = |i: usize| {
             let (face, row) = if is_cube { (i / (width * width), i / width % width) } else { (0, i / width) };
             let of_face = if is_cube { format!(" of face {}", FACES[face]) } else { String::new() };
@@ -145,10 +146,14 @@ impl Raw {
         };
         let report = repair(&mut self.texels, policy, self.stated, self.grey, (&angles, run), place)?;
         let report = InputReport { layout: self.layout, size: self.size, ..report };
-        let panorama = if is_cube {
-            from_cube(&Cube { size: width, texels: self.texels })?
-        } else {
-            Panorama::new(width, height, self.texels)?
+        let panorama = match self.layout {
+            Layout::Panorama => Panorama::new(width, height, self.texels)?,
+            Layout::Octahedral => octahedral::to_panorama(&SphereMap {
+                layout: SphereLayout::Octahedral,
+                size: width,
+                texels: self.texels,
+            })?,
+            _ => from_cube(&Cube { size: width, texels: self.texels })?,
         };
         Ok((panorama.with_primaries(report.primaries), report))
     }

@@ -128,8 +128,17 @@ impl ShConvention {
         }
     }
 
-    /// The nine coefficients for a shader whose lookup vectors are turned by `orientation`, from those of E/π in Kiln's basis.
+    /// Whether the shader evaluates them in the world's direction as it is, however it turns the vector that it looks up in a texture. three.js'
+    /// and PlayCanvas' shaders do, whose world is Kiln's.
+    pub fn is_of_the_world(self) -> bool {
+        matches!(self, Self::Threejs | Self::Playcanvas)
+    }
+
+    /// The nine coefficients for a shader whose lookup vectors are turned by `orientation`, from those of E/π in Kiln's basis; see
+    /// [`ShConvention::is_of_the_world`].
     pub fn coefficients(self, irradiance_over_pi: &Coefficients, orientation: &Orientation) -> Coefficients {
+        let of_the_world = Orientation::default();
+        let orientation = if self.is_of_the_world() { &of_the_world } else { orientation };
         let p = Polynomial::new(irradiance_over_pi).turned(orientation);
         let ([x, y, z], [yz, zx, xy]) = (p.linear, p.products);
         let [one, zz, xx_yy] = p.harmonic();
@@ -205,7 +214,8 @@ mod tests {
                 let c = convention.coefficients(&exact, &orientation);
                 for lookup in directions() {
                     let (got, tolerance) = shader(convention, &c, lookup);
-                    let wanted = evaluate(&exact, orientation.world(lookup));
+                    let direction = if convention.is_of_the_world() { lookup } else { orientation.world(lookup) };
+                    let wanted = evaluate(&exact, direction);
                     for k in 0..3 {
                         let off = (got[k] - wanted[k]).abs() / scale;
                         assert!(off < tolerance, "{convention:?} {orientation} {lookup}: {} {}", got[k], wanted[k]);

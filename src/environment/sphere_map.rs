@@ -1,6 +1,6 @@
 //! Maps of the sphere in any layout: which texel looks where, how large it is, and what a sampler blends.
 //!
-//! This is the one place that knows layouts ([`cube`](super::cube), [`octahedral`], [`equirect`] each know their own formulas): chains,
+//! This is the one place that knows layouts ([`cube`](super::cube), [`octahedral`], [`equirect`], [`atlas`] each know their own formulas): chains,
 //! checks, verification and conversion ask here.
 
 use std::f64::consts::PI;
@@ -15,7 +15,7 @@ use super::cube::{self, Cube, FACES};
 use super::orientation::Orientation;
 use super::panorama::Panorama;
 use super::seamless::Taps;
-use super::{area_average, equirect, octahedral};
+use super::{area_average, atlas, equirect, octahedral};
 use crate::error::{Error, Result};
 
 /// How the sphere lies in a texture.
@@ -29,11 +29,13 @@ pub enum SphereLayout {
     Octahedral,
     /// A panorama, 2 N × N: see [`equirect`].
     Equirect,
+    /// Tiles of PlayCanvas' atlas, each a panorama within a border, 2 N × N together: see [`atlas`].
+    Atlas,
 }
 
 impl SphereLayout {
     /// Every layout.
-    pub const ALL: [Self; 3] = [Self::Cube, Self::Octahedral, Self::Equirect];
+    pub const ALL: [Self; 4] = [Self::Cube, Self::Octahedral, Self::Equirect, Self::Atlas];
 
     /// The word that recipes use.
     pub fn name(self) -> &'static str {
@@ -41,6 +43,7 @@ impl SphereLayout {
             Self::Cube => "cube",
             Self::Octahedral => "octahedral",
             Self::Equirect => "equirect",
+            Self::Atlas => "atlas",
         }
     }
 
@@ -50,6 +53,7 @@ impl SphereLayout {
             Self::Cube => "cube",
             Self::Octahedral => "octahedral map",
             Self::Equirect => "panorama",
+            Self::Atlas => "atlas",
         }
     }
 
@@ -59,6 +63,7 @@ impl SphereLayout {
             Self::Cube => "a cube",
             Self::Octahedral => "an octahedral map",
             Self::Equirect => "a panorama",
+            Self::Atlas => "an atlas",
         }
     }
 
@@ -72,7 +77,7 @@ impl SphereLayout {
         match self {
             Self::Cube => ([size, size], 6),
             Self::Octahedral => ([size, size], 1),
-            Self::Equirect => ([2 * size, size], 1),
+            Self::Equirect | Self::Atlas => ([2 * size, size], 1),
         }
     }
 
@@ -86,7 +91,7 @@ impl SphereLayout {
     pub fn size_text(self, size: usize) -> String {
         match self {
             Self::Cube | Self::Octahedral => format!("{size}²"),
-            Self::Equirect => format!("{} × {size}", 2 * size),
+            Self::Equirect | Self::Atlas => format!("{} × {size}", 2 * size),
         }
     }
 
@@ -96,7 +101,9 @@ impl SphereLayout {
         match self {
             Self::Cube => cube::texel_direction(size, index),
             Self::Octahedral => octahedral::point(centre(index % size), centre(index / size)).normalize(),
-            Self::Equirect => equirect::direction_at(size, [index % (2 * size), index / (2 * size)].map(|i| i as f64)),
+            Self::Equirect | Self::Atlas => {
+                self.direction_at(size, [index % (2 * size), index / (2 * size)].map(|i| i as f64))
+            }
         }
     }
 
@@ -117,6 +124,7 @@ impl SphereLayout {
             Self::Cube => cube::solid_angles(size).repeat(6),
             Self::Octahedral => octahedral::solid_angles(size),
             Self::Equirect => equirect::solid_angles(size),
+            Self::Atlas => atlas::solid_angles(size),
         }
     }
 
@@ -142,6 +150,7 @@ impl SphereLayout {
     pub(super) fn texel(self, size: usize, column: isize, row: isize) -> usize {
         match self {
             Self::Equirect => equirect::texel(size, column, row),
+            Self::Atlas => atlas::texel(size, column, row),
             _ => octahedral::texel(size, column, row),
         }
     }
@@ -150,6 +159,7 @@ impl SphereLayout {
     fn locate(self, size: usize, direction: DVec3) -> [f64; 2] {
         match self {
             Self::Equirect => equirect::locate(size, direction),
+            Self::Atlas => atlas::locate(size, direction),
             _ => octahedral::locate(direction).map(|t| (t + 1.0) / 2.0 * size as f64 - 0.5),
         }
     }
@@ -158,6 +168,7 @@ impl SphereLayout {
     pub(super) fn direction_at(self, size: usize, at: [f64; 2]) -> DVec3 {
         match self {
             Self::Equirect => equirect::direction_at(size, at),
+            Self::Atlas => atlas::direction_at(size, at),
             _ => {
                 let [u, v] = at.map(|t| ((2.0 * t + 1.0 - size as f64) / size as f64).clamp(-1.0, 1.0));
                 octahedral::point(u, v).normalize()
@@ -169,6 +180,7 @@ impl SphereLayout {
     pub(super) fn density(self, size: usize, [x, y]: [f64; 2]) -> f64 {
         match self {
             Self::Equirect => (PI / size as f64).powi(2) * (PI * (y + 0.5) / size as f64).sin(),
+            Self::Atlas => atlas::density(size, y),
             _ => {
                 let [u, v] = [x, y].map(|t| (2.0 * t + 1.0 - size as f64) / size as f64);
                 (2.0 / size as f64).powi(2) / octahedral::point(u, v).length().powi(3)
@@ -188,7 +200,7 @@ impl SphereLayout {
     ///
     /// **Errors**: a panorama with its poles elsewhere.
     pub fn check_orientation(self, orientation: &Orientation) -> Result<()> {
-        if self == Self::Equirect { equirect::check_orientation(orientation) } else { Ok(()) }
+        if matches!(self, Self::Equirect | Self::Atlas) { equirect::check_orientation(orientation) } else { Ok(()) }
     }
 }
 
@@ -205,7 +217,7 @@ impl FromStr for SphereLayout {
         Self::ALL
             .into_iter()
             .find(|layout| layout.name() == name)
-            .ok_or_else(|| Error::usage(format!("unknown layout `{name}`"), "use cube, octahedral or equirect"))
+            .ok_or_else(|| Error::usage(format!("unknown layout `{name}`"), "use cube, octahedral, equirect or atlas"))
     }
 }
 
@@ -240,6 +252,7 @@ impl SphereMap {
             SphereLayout::Cube => Ok(orientation.apply(&area_average(panorama, size)).into()),
             SphereLayout::Octahedral => Ok(octahedral::area_average(panorama, size, orientation)),
             SphereLayout::Equirect => equirect::area_average(panorama, size, orientation),
+            SphereLayout::Atlas => atlas::area_average(panorama, size, orientation),
         }
     }
 
@@ -251,6 +264,7 @@ impl SphereMap {
             SphereLayout::Cube => super::from_cube(&Cube { size: self.size, texels: self.texels.clone() }),
             SphereLayout::Octahedral => octahedral::to_panorama(self),
             SphereLayout::Equirect => Panorama::new(2 * self.size, self.size, self.texels.clone()),
+            SphereLayout::Atlas => atlas::to_panorama(self),
         }
     }
 
@@ -307,9 +321,17 @@ mod tests {
     #[test]
     fn every_texel_is_nearest_in_its_own_direction_and_seen_there() {
         for layout in SphereLayout::ALL {
-            for size in [1, 2, 5, 16] {
+            // A tile of an atlas has a border of one texel.
+            let is_atlas = layout == SphereLayout::Atlas;
+            for size in if is_atlas { [3, 4, 5, 16] } else { [1, 2, 5, 16] } {
                 for i in 0..layout.texels(size) {
                     let direction = layout.direction(size, i);
+                    if is_atlas && atlas::is_border(size, i) {
+                        // It repeats another, which is found instead.
+                        let own = layout.direction(size, layout.nearest(size, direction));
+                        assert!((own - direction).length() < 1e-14, "{size}, {i}");
+                        continue;
+                    }
                     assert_eq!(layout.nearest(size, 2.5 * direction), i, "{layout} {size}");
                     let taps = layout.taps(size, direction);
                     let own: f64 =

@@ -4,8 +4,8 @@ use super::code::{Function, Item, Statement, Type};
 use super::flat::{Lookup, Map};
 use super::{Shader, harmonics, packing};
 use crate::certificate::Certificate;
-use crate::environment::Orientation;
 use crate::environment::spherical_harmonics::SphericalHarmonics;
+use crate::environment::{Orientation, SphereLayout};
 use crate::error::{Error, Result};
 use crate::math::expression::{Expression, literal};
 use crate::recipe::{EnvironmentRecipe, IrradianceKind};
@@ -70,6 +70,12 @@ pub(super) fn shader(
         })
     };
     let value = |value: String| vec![Statement::Return(value)];
+    if recipe.layout == SphereLayout::Atlas {
+        return Err(Error::unsupported(
+            "shader code for an atlas, which PlayCanvas' own shader reads",
+            "leave --shader out, or bake another layout, such as --layout equirect",
+        ));
+    }
     let roughness = recipe.level_roughness();
     let level = level_of_roughness(&roughness)?;
     let [specular_texel, irradiance_texel] = [recipe.format, recipe.format_of_irradiance()].map(|f| f.texel(3));

@@ -35,7 +35,7 @@ impl Lookup<'_> {
         match self.layout {
             SphereLayout::Cube => return items,
             SphereLayout::Octahedral => items.push(self.octahedral_coordinate()),
-            SphereLayout::Equirect => items.push(self.panorama_coordinate()),
+            SphereLayout::Equirect | SphereLayout::Atlas => items.push(self.panorama_coordinate()),
         }
         if self.layout == SphereLayout::Octahedral {
             let mut made: Vec<Option<&str>> = vec![];
@@ -61,7 +61,8 @@ impl Lookup<'_> {
                     level,
                 ))]
             }
-            SphereLayout::Equirect => {
+            // (Of an atlas there is no code: its caller sees to that.)
+            SphereLayout::Equirect | SphereLayout::Atlas => {
                 let at = format!("{name}_coordinate({direction})");
                 vec![Statement::Return(self.decoded(map.decode, map.texture, &at, level))]
             }
@@ -92,7 +93,9 @@ impl Lookup<'_> {
             SphereLayout::Octahedral => {
                 "linear filter, clamped to the edge; levels are blended here, and what lies beyond a border is found here."
             }
-            SphereLayout::Equirect => "linear filter, also between levels; repeated in u, clamped to the edge in v.",
+            SphereLayout::Equirect | SphereLayout::Atlas => {
+                "linear filter, also between levels; repeated in u, clamped to the edge in v."
+            }
         }
     }
 

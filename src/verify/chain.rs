@@ -12,13 +12,15 @@ mod orientation;
 pub use orientation::{FaceFault, Orientation, Turn};
 
 use crate::check::Check;
-use crate::environment::cube::{FACES, nearest_texel, texel_direction};
 use crate::environment::kernel::KernelKind;
 use crate::environment::seamless::across_edges;
-use crate::environment::{Cube, DARK_FLOOR, InstructionSet, Kernel, Panorama, Zonal, area_average, from_cube};
+use crate::environment::{
+    Cube, DARK_FLOOR, InstructionSet, Kernel, Panorama, SphereLayout, SphereMap, Zonal, area_average, atlas,
+};
 use crate::error::{Error, Result};
 use crate::format::{Decoded, Texture};
 use crate::model::alpha_of_roughness;
+use crate::pack::TexelFormat;
 use glam::DVec3;
 use serde::Serialize;
 
@@ -38,7 +40,9 @@ pub struct Question<'a> {
 /// What a chain is.
 #[derive(Debug, Clone, Serialize)]
 pub struct Verdict {
-    /// Texels along an edge of level 0.
+    /// How the sphere lies in it.
+    pub layout: SphereLayout,
+    /// Texels along an edge of level 0, or its rows.
     pub size: usize,
     /// Whether it was compared with its own level 0, for want of a source.
     pub against_itself: bool,
@@ -61,7 +65,7 @@ pub struct Verdict {
 /// What a level is.
 #[derive(Debug, Clone, Serialize)]
 pub struct LevelVerdict {
-    /// Texels along an edge.
+    /// Texels along an edge, or rows.
     pub size: usize,
     /// Values that are not finite.
     pub nonfinite: usize,
@@ -99,7 +103,7 @@ pub struct LevelError {
     /// How many times the truth the worst of them is, and where.
     pub worst_firefly: Option<(f64, String)>,
     /// RMS of the jump of the error at the edges of faces, and of such jumps within faces: alike if there are no seams. A jump is what
-    /// two straight lines through two texels each leave where they meet.
+    /// two straight lines through two texels each leave where they meet. Zeros for what has no faces.
     pub seams: [f64; 2],
 }
 
@@ -132,14 +136,47 @@ const MARGIN: f64 = 1.1;
 /// Fits closer than this cannot be told apart, whatever their ratio: rounding to halves.
 const ROUNDING: f64 = 2e-4;
 
-/// The levels of a file, if it is a cube.
+/// The levels of a file: a cube's; else a square's, which is an octahedral map; a panorama's that is twice as wide as high; or the chain in an
+/// atlas of PlayCanvas.
 ///
 /// **Errors**: a file of anything else.
-pub fn levels_of(content: &Decoded) -> Result<Vec<Cube>> {
-    match content {
-        Decoded::Texture(texture) if is_cube(texture) => cubes(texture),
-        _ => Err(Error::unsupported("a file that holds no cube map", "give a cube texture: .ktx2, .ktx, .dds or .env")),
+pub fn levels_of(content: &Decoded) -> Result<Vec<SphereMap>> {
+    let refused = |what: String| {
+        Err(Error::unsupported(
+            format!("{what}, which is no cube map, square or panorama of 2:1"),
+            "give a cube texture (.ktx2, .ktx, .dds, .env), or an octahedral map or a panorama with its mips",
+        ))
+    };
+    let texture = match content {
+        Decoded::Texture(texture) if is_cube(texture) => return maps(texture, SphereLayout::Cube),
+        Decoded::Texture(texture) if texture.faces == 1 && texture.array_layers <= 1 && texture.depth == 0 => texture,
+        Decoded::Texture(texture) => return refused(texture.text()),
+        Decoded::Picture(image, _) => {
+            let layout = match (image.width, image.height) {
+                (width, height) if width == height => SphereLayout::Octahedral,
+                (width, height) if width == 2 * height => SphereLayout::Equirect,
+                (width, height) => return refused(format!("a picture of {width} × {height}")),
+            };
+            return Ok(vec![SphereMap { layout, size: image.height, texels: image.rgb()? }]);
+        }
+        Decoded::Array(_) => return refused("an array of numbers".to_owned()),
+    };
+    match (texture.width, texture.height) {
+        (atlas::EDGE, atlas::EDGE) if texture.format == TexelFormat::Rgbp => in_atlas(texture),
+        (width, height) if width == height => maps(texture, SphereLayout::Octahedral),
+        (width, height) if width == 2 * height => maps(texture, SphereLayout::Equirect),
+        _ => refused(texture.text()),
     }
+}
+
+/// The specular chain in an atlas.
+fn in_atlas(texture: &Texture) -> Result<Vec<SphereMap>> {
+    let n = texture.format.channels();
+    let picture: Vec<[f32; 3]> = texture.values(0).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+    let level = |tile: &atlas::Tile| {
+        Ok(SphereMap { layout: SphereLayout::Atlas, size: tile.size, texels: atlas::cut(&picture, tile)? })
+    };
+    atlas::tiles().iter().filter(|tile| matches!(tile.content, atlas::Content::Specular(_))).map(level).collect()
 }
 
 /// Whether a texture is a single cube map of colours.
@@ -147,28 +184,41 @@ pub fn is_cube(texture: &Texture) -> bool {
     texture.faces == 6 && texture.array_layers <= 1 && texture.width == texture.height
 }
 
-fn cubes(texture: &Texture) -> Result<Vec<Cube>> {
+fn maps(texture: &Texture, layout: SphereLayout) -> Result<Vec<SphereMap>> {
     let n = texture.format.channels();
     let level = |m: usize| {
-        let [size, _] = texture.level_size(m);
-        let values = (0..6).flat_map(|face| texture.face(m, face).unwrap_or_default());
+        let [_, size] = texture.level_size(m);
+        let values = (0..texture.faces).flat_map(|face| texture.face(m, face).unwrap_or_default());
         // One channel is grey, two are grey and alpha.
         let colour = |t: &[f32]| if n < 3 { [t[0]; 3] } else { [t[0], t[1], t[2]] };
         let texels: Vec<[f32; 3]> = values.collect::<Vec<f32>>().chunks_exact(n).map(colour).collect();
-        if texels.len() != 6 * size * size {
-            return Err(Error::invalid(format!("level {m} has not six faces of {size}²"), "write the file again"));
+        if texels.len() != layout.texels(size) {
+            return Err(Error::invalid(
+                format!("level {m} is not {} of {}", layout.article(), layout.size_text(size)),
+                "write the file again",
+            ));
         }
-        Ok(Cube { size, texels })
+        Ok(SphereMap { layout, size, texels })
     };
-    (0..texture.levels.len()).map(level).collect()
+    // Of a panorama the level of one row is not twice as wide as high, and says no more than a colour.
+    let is_whole = |m: &usize| layout.shape(texture.level_size(*m)[1]).0 == texture.level_size(*m);
+    (0..texture.levels.len()).take_while(is_whole).map(level).collect()
 }
 
-/// Judges a chain.
+/// Judges a chain of cubes.
 ///
 /// **Errors**: no levels; a list of roughness that is not one for each level.
 pub fn judge(levels: &[Cube], question: &Question) -> Result<Verdict> {
+    let maps: Vec<SphereMap> = levels.iter().cloned().map(SphereMap::from).collect();
+    judge_maps(&maps, question)
+}
+
+/// Judges a chain of maps of one layout.
+///
+/// **Errors**: no levels; a list of roughness that is not one for each level.
+pub fn judge_maps(levels: &[SphereMap], question: &Question) -> Result<Verdict> {
     let Some(first) = levels.first() else {
-        return Err(Error::invalid("a cube without levels", "give a file that holds some"));
+        return Err(Error::invalid("a chain without levels", "give a file that holds some"));
     };
     if let Some(claimed) = &question.roughness
         && claimed.len() != levels.len()
@@ -178,8 +228,8 @@ pub fn judge(levels: &[Cube], question: &Question) -> Result<Verdict> {
             "give one for each level",
         ));
     }
-    let clean: Vec<Cube> = levels.iter().map(without_nonfinite).collect();
-    let own = if question.source.is_none() { Some(from_cube(&clean[0])?) } else { None };
+    let clean: Vec<SphereMap> = levels.iter().map(without_nonfinite).collect();
+    let own = if question.source.is_none() { Some(clean[0].to_panorama()?) } else { None };
     let source = match (question.source, &own) {
         (Some(source), _) => source,
         (None, Some(own)) => own,
@@ -187,9 +237,10 @@ pub fn judge(levels: &[Cube], question: &Question) -> Result<Verdict> {
     };
     let refined = refined(source);
     let source = refined.as_ref().unwrap_or(source);
-    let orientation = question.source.map(|_| orientation_of(&clean[0], source));
+    let orientation = question.source.map(|_| orientation_of(&clean[0], source)).transpose()?;
     let turn = orientation.as_ref().map_or(Some(Turn::NONE), |found| found.turn);
     let mut verdict = Verdict {
+        layout: first.layout,
         size: first.size,
         against_itself: question.source.is_none(),
         orientation,
@@ -240,13 +291,13 @@ fn refined(source: &Panorama) -> Option<Panorama> {
     (k > 1).then(|| Panorama::new(k * width, k * height, (0..k * k * width * height).map(texel).collect()).ok())?
 }
 
-fn without_nonfinite(cube: &Cube) -> Cube {
+fn without_nonfinite(map: &SphereMap) -> SphereMap {
     let finite = |texel: &[f32; 3]| texel.map(|v| if v.is_finite() { v } else { 0.0 });
-    Cube { size: cube.size, texels: cube.texels.iter().map(finite).collect() }
+    SphereMap { texels: map.texels.iter().map(finite).collect(), ..*map }
 }
 
 /// What can be said of a level without knowing what it should be.
-fn facts(level: &Cube, clean: &Cube, source: &Panorama) -> LevelVerdict {
+fn facts(level: &SphereMap, clean: &SphereMap, source: &Panorama) -> LevelVerdict {
     let values = || level.texels.as_flattened().iter();
     let (mean, wanted) = (clean.mean(), source.mean());
     let drift = (0..3).filter(|&c| mean[c] != wanted[c]).map(|c| mean[c] / wanted[c] - 1.0);
@@ -263,22 +314,33 @@ fn facts(level: &Cube, clean: &Cube, source: &Panorama) -> LevelVerdict {
     }
 }
 
-/// The cube's orientation, from its level 0 and the panorama, sharp and blurred.
-fn orientation_of(level: &Cube, source: &Panorama) -> Orientation {
+/// The chain's orientation, from its level 0 and the panorama, sharp and blurred.
+fn orientation_of(level: &SphereMap, source: &Panorama) -> Result<Orientation> {
     const COARSE: usize = 16;
-    let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size.is_multiple_of(*n)).unwrap_or(1);
-    let file = shrink(level, size);
+    let (file, size) = match level.layout {
+        SphereLayout::Cube => {
+            let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size.is_multiple_of(*n)).unwrap_or(1);
+            (shrink(level, size), size)
+        }
+        // Another map has no faces of its own: it is judged by the cube that it would be, of texels large against its own, so that where
+        // those lie counts for little.
+        layout => {
+            let size = ((layout.texels(level.size) / 12).isqrt()).clamp(1, COARSE);
+            (area_average(&level.to_panorama()?, size), size)
+        }
+    };
     let mut truths = vec![area_average(source, size)];
     // A sheen's kernel is a ring: what it leaves of a picture looks like no cap's.
     let rings = [0.25, 0.6, 1.0].map(|alpha| Kernel::of(KernelKind::Charlie, alpha));
     let kernels: Vec<Kernel> = [0.15, 0.5, 1.0].map(Kernel::new).into_iter().chain(rings).collect();
     let zonal = Zonal::new(source, &kernels, InstructionSet::detect());
     truths.extend(kernels.iter().map(|kernel| zonal.function(kernel).cube(size, &|_| {})));
-    orientation::find(&file, &truths)
+    let found = orientation::find(&file, &truths, &|turn| level.layout.check_orientation(&turn.orientation()).is_ok());
+    Ok(if level.layout.is_cube() { found } else { Orientation { faces: vec![], ..found } })
 }
 
 /// The means of square blocks of texels.
-fn shrink(cube: &Cube, size: usize) -> Cube {
+fn shrink(cube: &SphereMap, size: usize) -> Cube {
     let k = cube.size / size;
     let texel = |i: usize| {
         let (face, row, column) = (i / (size * size), i / size % size, i % size);
@@ -308,7 +370,7 @@ fn log_ratio_spread(a: &[f64], b: &[f64]) -> f64 {
 
 /// A chain that is being fitted.
 struct Fitting<'a> {
-    levels: &'a [Cube],
+    levels: &'a [SphereMap],
     source: &'a Panorama,
     turn: Turn,
     /// Faces that say nothing.
@@ -410,7 +472,7 @@ impl Fitting<'_> {
         let zonal = Zonal::new(self.source, &kernels, InstructionSet::detect());
         let texels: Vec<Vec<usize>> = self.levels.iter().map(|level| self.chosen(level)).collect();
         let directions: Vec<DVec3> = (self.levels.iter().zip(&texels))
-            .flat_map(|(level, texels)| texels.iter().map(|&i| self.turn.apply(texel_direction(level.size, i))))
+            .flat_map(|(level, texels)| texels.iter().map(|&i| self.turn.apply(level.direction(i))))
             .collect();
         let mut values: Vec<Vec<[f64; 3]>> = vec![];
         for kernel in &kernels {
@@ -423,15 +485,14 @@ impl Fitting<'_> {
             .map(|(level, texels)| {
                 let range = begin..begin + texels.len();
                 begin = range.end;
-                let average = area_average(self.source, level.size);
-                let turned = |&i: &usize| nearest_texel(level.size, self.turn.apply(texel_direction(level.size, i)));
+                let mirror = self.mirror(level);
                 let wide = |values: &Vec<[f64; 3]>| values[range.clone()].iter().flat_map(|v| log(*v)).collect();
                 // The file's own scale must not meet the floor: it is brought to the source's mean first.
                 let factor = self.factor(level);
                 let seen = |&i: &usize| log(std::array::from_fn(|c| f64::from(level.texels[i][c]) * factor));
                 let sample = Sample {
                     seen: texels.iter().flat_map(seen).collect(),
-                    mirror: texels.iter().flat_map(|i| log(average.texels[turned(i)].map(f64::from))).collect(),
+                    mirror: texels.iter().flat_map(|&i| log(mirror[i].map(f64::from))).collect(),
                     wide: values.iter().map(wide).collect(),
                 };
                 sample.best(alphas)
@@ -439,16 +500,23 @@ impl Fitting<'_> {
             .collect()
     }
 
+    /// The source averaged over a level's texels, turned as the file is.
+    fn mirror(&self, level: &SphereMap) -> Vec<[f32; 3]> {
+        SphereMap::area_average(self.source, level.layout, level.size, &self.turn.orientation())
+            .expect("turns are found among those that the layout has")
+            .texels
+    }
+
     /// What brings a level to the source's mean.
-    fn factor(&self, level: &Cube) -> f64 {
+    fn factor(&self, level: &SphereMap) -> f64 {
         let (mean, wanted) = (level.mean().iter().sum::<f64>(), self.source.mean().iter().sum::<f64>());
         if mean > 0.0 && wanted > 0.0 { wanted / mean } else { 1.0 }
     }
 
     /// Texels spread over the faces that can be believed.
-    fn chosen(&self, level: &Cube) -> Vec<usize> {
+    fn chosen(&self, level: &SphereMap) -> Vec<usize> {
         let area = level.size * level.size;
-        let all: Vec<usize> = (0..6 * area).filter(|i| !self.wrong.contains(&(i / area))).collect();
+        let all: Vec<usize> = (0..level.texels.len()).filter(|i| !self.wrong.contains(&(i / area))).collect();
         let step = (all.len() as f64 / SAMPLES as f64).max(1.0);
         // A step that is no whole number walks through all columns.
         (0..).map(|k| (f64::from(k) * step) as usize).take_while(|&i| i < all.len()).map(|i| all[i]).collect()
@@ -464,16 +532,15 @@ impl Fitting<'_> {
         let zonal = Zonal::new(self.source, &kernels, InstructionSet::detect());
         let skip = usize::from(verdict.against_itself);
         for (m, roughness) in wanted.into_iter().enumerate().skip(skip) {
-            let (Some(roughness), cube) = (roughness, &self.levels[m]) else { continue };
+            let (Some(roughness), map) = (roughness, &self.levels[m]) else { continue };
             let alpha = alpha_of_roughness(roughness).min(1.0);
-            let directions = (0..cube.texels.len()).map(|i| self.turn.apply(texel_direction(cube.size, i)));
             let truth: Vec<[f64; 3]> = if alpha > 0.0 {
+                let directions = (0..map.texels.len()).map(|i| self.turn.apply(map.direction(i)));
                 zonal.function(&Kernel::of(kind, alpha)).values(&directions.collect::<Vec<_>>())
             } else {
-                let average = area_average(self.source, cube.size);
-                directions.map(|d| average.texels[nearest_texel(cube.size, d)].map(f64::from)).collect()
+                self.mirror(map).into_iter().map(|texel| texel.map(f64::from)).collect()
             };
-            let level = Compared { cube, truth: &truth, mean: self.source.mean() };
+            let level = Compared { map, truth: &truth, mean: self.source.mean() };
             let scale = level.scale();
             verdict.levels[m].scale = Some(scale);
             verdict.levels[m].error = Some(level.error(roughness, scale));
@@ -587,7 +654,7 @@ impl Sample {
 
 /// A level beside its truth.
 struct Compared<'a> {
-    cube: &'a Cube,
+    map: &'a SphereMap,
     truth: &'a [[f64; 3]],
     mean: [f64; 3],
 }
@@ -601,23 +668,22 @@ impl Compared<'_> {
     fn scale(&self) -> f64 {
         let lit = |i: usize| (0..3).filter(move |&c| self.truth[i][c] > DARK_FLOOR * self.mean[c]);
         let ratios = (0..self.truth.len())
-            .flat_map(|i| lit(i).map(move |c| f64::from(self.cube.texels[i][c]) / self.truth[i][c]));
+            .flat_map(|i| lit(i).map(move |c| f64::from(self.map.texels[i][c]) / self.truth[i][c]));
         let middle = median(&ratios.collect::<Vec<_>>());
         if middle.is_finite() { middle } else { 1.0 }
     }
 
     fn error(&self, against_roughness: f64, scale: f64) -> LevelError {
-        let size = self.cube.size;
-        let solid_angles = crate::environment::cube::solid_angles(size);
+        let (layout, size) = (self.map.layout, self.map.size);
+        let solid_angles = layout.solid_angles(size);
         let relative = |i: usize, c: usize, scale: f64| {
-            let (found, wanted) = (f64::from(self.cube.texels[i][c]) / scale, self.truth[i][c]);
+            let (found, wanted) = (f64::from(self.map.texels[i][c]) / scale, self.truth[i][c]);
             if found == wanted { 0.0 } else { (found - wanted) / self.floor(i, c) }
         };
         let (mut max, mut worst) = (0.0_f64, (0, 0));
         let (mut squares, mut unscaled, mut weights) = (0.0, 0.0, 0.0);
         let (mut fireflies, mut brightest) = (0, (0.0_f64, 0));
-        for i in 0..self.truth.len() {
-            let weight = solid_angles[i % (size * size)];
+        for (i, &weight) in solid_angles.iter().enumerate() {
             weights += 3.0 * weight;
             for c in 0..3 {
                 let off = relative(i, c, 1.0);
@@ -628,7 +694,7 @@ impl Compared<'_> {
                 }
             }
             let (found, wanted): (f64, f64) =
-                (self.cube.texels[i].iter().map(|&v| f64::from(v)).sum(), (0..3).map(|c| self.floor(i, c)).sum());
+                (self.map.texels[i].iter().map(|&v| f64::from(v)).sum(), (0..3).map(|c| self.floor(i, c)).sum());
             let times = found / (scale * wanted);
             if against_roughness > 0.0 && times > FIREFLY {
                 fireflies += 1;
@@ -637,15 +703,15 @@ impl Compared<'_> {
                 }
             }
         }
-        let seams = seams(size, |i, c| relative(i, c, scale));
+        let seams = if layout.is_cube() { seams(size, |i, c| relative(i, c, scale)) } else { [0.0; 2] };
         LevelError {
             against_roughness,
             rms: (squares / weights).sqrt(),
             rms_unscaled: (unscaled / weights).sqrt(),
             max,
-            worst_at: format!("{}, {}", place(size, worst.0), ["R", "G", "B"][worst.1]),
+            worst_at: format!("{}, {}", layout.place(size, worst.0), ["R", "G", "B"][worst.1]),
             fireflies,
-            worst_firefly: (fireflies > 0).then(|| (brightest.0, place(size, brightest.1))),
+            worst_firefly: (fireflies > 0).then(|| (brightest.0, layout.place(size, brightest.1))),
             seams,
         }
     }
@@ -683,11 +749,6 @@ fn seams(size: usize, error: impl Fn(usize, usize) -> f64) -> [f64; 2] {
     let within: Vec<f64> = pairs.iter().flat_map(|&pair| inwards(pair)).map(jump).collect();
     // Where a smooth error is steep, what is left of third order may differ: a seam's jump is at least half its step.
     [rms(&across), rms(&within).max(rms(&steps) / 3.0)]
-}
-
-fn place(size: usize, texel: usize) -> String {
-    let (face, rest) = (texel / (size * size), texel % (size * size));
-    format!("face {}, texel {}, {}", FACES[face], rest % size, rest / size)
 }
 
 /// What a person should know, in sentences.

@@ -2,9 +2,9 @@
 
 use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
-use crate::certificate::{self, Certificate};
+use crate::certificate::{self, Certificate, Level};
 use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
-use crate::environment::{CubeLookup, KernelKind, Panorama, sh_bands, spherical_harmonics};
+use crate::environment::{CubeLookup, KernelKind, Panorama, SphereLayout, atlas, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::{Image, Texture};
 use crate::pack::{Number, TexelFormat};
@@ -148,6 +148,9 @@ fn levels(
     certificate: &Certificate,
     recipe: &EnvironmentRecipe,
 ) -> Result<Vec<CubeLevel>> {
+    if recipe.layout == SphereLayout::Atlas {
+        return tiles(texture, certificate, recipe);
+    }
     let (irradiance, specular): (Vec<_>, Vec<_>) = certificate.levels.iter().partition(|l| l.name == IRRADIANCE);
     let roughness = recipe.level_roughness();
     // Which of the two cubes this is, the file says, or its name where it has no place to say it.
@@ -184,18 +187,48 @@ fn levels(
             if texels.len() != layout.texels(size) || level.roughness != wanted {
                 return Err(Error::invalid(format!("level {m} is not what the certificate says"), "bake it again"));
             }
-            // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
-            let max_error = level.max_error.min(MOST_ERROR);
-            let rms_error = level.rms_error.min(max_error);
-            let fitted = level.lookup.clone().filter(|_| level.is_fitted());
-            // Likewise what a lookup may be off by.
-            let fitted = fitted.map(|lookup| CubeLookup { max: lookup.max.min(MOST_ERROR), ..lookup });
-            let kernel = if level.name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel };
-            let view = recipe.view.filter(|_| level.name != IRRADIANCE);
-            let (name, roughness) = (level.name.clone(), level.roughness);
-            Ok(CubeLevel { name, size, roughness, kernel, view, texels, fitted, max_error, rms_error })
+            Ok(claimed_level(level, texels, size, recipe))
         })
         .collect()
+}
+
+/// The tiles of an atlas, likewise.
+fn tiles(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
+    let tiles = atlas::tiles();
+    let n = texture.format.channels();
+    if certificate.levels.len() != tiles.len() || texture.levels.len() != 1 || texture.width != atlas::EDGE || n < 3 {
+        return Err(Error::invalid(
+            format!("{} and {} levels in the certificate, which is no atlas", texture.text(), certificate.levels.len()),
+            "bake the environment again",
+        ));
+    }
+    let picture: Vec<[f32; 3]> = texture.values(0).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+    let roughness = recipe.level_roughness();
+    let level = |(tile, level): (&atlas::Tile, &Level)| {
+        let wanted = match tile.content {
+            atlas::Content::Specular(m) => roughness.get(m).copied().unwrap_or(f64::NAN),
+            atlas::Content::Mirror(_) => 0.0,
+            atlas::Content::Irradiance => 1.0,
+        };
+        if level.name != tile.name() || level.size != tile.size || level.roughness != wanted {
+            return Err(Error::invalid(format!("{} is not what the certificate says", tile.name()), "bake it again"));
+        }
+        Ok(claimed_level(level, atlas::cut(&picture, tile)?, tile.size, recipe))
+    };
+    tiles.iter().zip(&certificate.levels).map(level).collect()
+}
+
+fn claimed_level(level: &Level, texels: Vec<[f32; 3]>, size: usize, recipe: &EnvironmentRecipe) -> CubeLevel {
+    // A claim of huge errors would excuse anything: what a standard error may be is bounded by usefulness.
+    let max_error = level.max_error.min(MOST_ERROR);
+    let rms_error = level.rms_error.min(max_error);
+    let fitted = level.lookup.clone().filter(|_| level.is_fitted());
+    // Likewise what a lookup may be off by.
+    let fitted = fitted.map(|lookup| CubeLookup { max: lookup.max.min(MOST_ERROR), ..lookup });
+    let kernel = if level.name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel };
+    let view = recipe.view.filter(|_| level.name != IRRADIANCE);
+    let (name, roughness) = (level.name.clone(), level.roughness);
+    CubeLevel { name, size, roughness, kernel, view, texels, fitted, max_error, rms_error }
 }
 
 /// The largest relative standard error of a texel that verification believes.

@@ -7,9 +7,11 @@ use std::f64::consts::{PI, TAU};
 use crate::support::kiln::{fail, succeed};
 use glam::DVec3;
 use kiln::environment::zonal::{InstructionSet, Zonal};
-use kiln::environment::{ChainSpec, Cube, Fit, Kernel, KernelKind, Panorama, builtin, specular_chain};
+use kiln::environment::{
+    ChainSpec, Cube, Fit, FullSum, Kernel, KernelKind, Panorama, SphereLayout, SphereMap, builtin, specular_chain,
+};
 use kiln::format::{Decoded, ktx2, read};
-use kiln::verify::chain::{Question, Verdict, judge};
+use kiln::verify::chain::{Question, Verdict, judge, judge_maps};
 
 /// A map that looks like itself from one side only: lamps of three colours, none where another one is.
 fn panorama() -> Panorama {
@@ -338,6 +340,97 @@ fn the_command_judges_foreign_files_and_exits_with_3() {
     assert!((found - 0.5).abs() < 0.02, "{json}");
     let error = fail(folder, &["identify", "own/certificate.json"], 1);
     assert!(error.contains("certificate.json"), "{error}");
+}
+
+/// Squares and panoramas filled by the full sum in directions that are written out by hand, mirrored in x.
+fn flat_chain(source: &Panorama, layout: SphereLayout, size: usize) -> Vec<SphereMap> {
+    let sum = FullSum::new(source);
+    let direction = |n: usize, i: usize| match layout {
+        SphereLayout::Equirect => {
+            let (phi, theta) =
+                (PI * ((i % (2 * n)) as f64 + 0.5) / n as f64 - PI, PI * ((i / (2 * n)) as f64 + 0.5) / n as f64);
+            DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
+        }
+        _ => {
+            let [u, v] = [i % n, i / n].map(|k| (2.0 * k as f64 + 1.0) / n as f64 - 1.0);
+            let z = 1.0 - u.abs() - v.abs();
+            let out = (-z).max(0.0);
+            DVec3::new(u - out * u.signum(), v - out * v.signum(), z).normalize()
+        }
+    };
+    let level = |(m, r): (usize, f64)| {
+        let size = size >> m;
+        if r == 0.0 {
+            return SphereMap::area_average(source, layout, size, &"-x,y,z".parse().unwrap()).unwrap();
+        }
+        let n = size * size * if layout == SphereLayout::Equirect { 2 } else { 1 };
+        let mirrored = |d: DVec3| DVec3::new(-d.x, d.y, d.z);
+        let value = |i: usize| sum.evaluate(mirrored(direction(size, i)), &Kernel::new(r * r)).map(|v| v as f32);
+        SphereMap { layout, size, texels: (0..n).map(value).collect() }
+    };
+    ROUGHNESS.into_iter().enumerate().map(level).collect()
+}
+
+#[test]
+fn chains_of_squares_and_of_panoramas_are_judged_as_cubes_are() {
+    let source = panorama();
+    for (layout, size) in [(SphereLayout::Octahedral, 24), (SphereLayout::Equirect, 16)] {
+        let mut chain = flat_chain(&source, layout, size);
+        let verdict = judge_maps(&chain, &asked(&source, Some(KernelKind::Nol))).unwrap();
+        let orientation = verdict.orientation.as_ref().unwrap();
+        assert_eq!(orientation.turn.unwrap().formula(), "(−x, y, z)", "{layout}: {orientation:?}");
+        assert!(orientation.mirrored && orientation.as_good == 0, "{layout}: {orientation:?}");
+        assert_eq!(verdict.kernel, Some(KernelKind::Nol), "{layout}: {:?}", verdict.findings);
+        for (level, wanted) in verdict.levels.iter().zip(ROUGHNESS) {
+            let found = level.roughness.expect("a known roughness");
+            assert!((found - wanted).abs() < 5e-3, "{layout}, wanted {wanted}: {level:?}");
+        }
+        // Against what it is, but for the last: the judge's filter and the sum are each known to 1e-5, texels are rounded to f32.
+        let claim = Question {
+            roughness: Some(vec![0.0, 0.5, 0.9]),
+            max_error: Some(3e-5),
+            ..asked(&source, Some(KernelKind::Nol))
+        };
+        let checks = judge_maps(&chain, &claim).unwrap().checks;
+        let failed: Vec<&str> =
+            checks.iter().filter(|check| !check.passed).map(|check| check.subject.as_str()).collect();
+        assert_eq!(failed, ["level 2"], "{layout}: {checks:?}");
+        // A texel that is three times too bright, and all of a level by π.
+        chain[1].texels[37] = chain[1].texels[37].map(|v| 3.0 * v);
+        chain[2].texels.iter_mut().flatten().for_each(|v| *v *= std::f32::consts::PI);
+        let told = judge_maps(&chain, &asked(&source, Some(KernelKind::Nol))).unwrap();
+        let [width, _] = layout.shape(size / 2).0;
+        let place = format!("texel {}, {}", 37 % width, 37 / width);
+        let fireflies = format!("level 1: 1 fireflies, the worst 3.000 times the truth at {place}");
+        assert!(says(&told, &fireflies), "{layout}: {:?}", told.findings);
+        assert!((told.levels[2].scale.unwrap() / PI - 1.0).abs() < 1e-3, "{layout}: {:?}", told.levels[2]);
+        assert!(!says(&told, "seams"), "{layout}: {:?}", told.findings);
+    }
+}
+
+#[test]
+fn files_of_squares_panoramas_and_atlases_are_compared_with_their_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bake = |out: &str, flags: &[&str]| {
+        succeed(folder, &[&["-q", "env", "builtin:sky", "--out", out], flags].concat());
+    };
+    let small = ["--min-size", "4", "--irradiance-size", "4", "--size", "16"];
+    bake("square", &[&["--layout", "octahedral", "--orientation", "x,z,y"], &small[..]].concat());
+    bake("wide", &[&["--layout", "equirect", "--format", "exr:f16"], &small[..]].concat());
+    for (file, claim, turn) in [
+        ("square/specular.ktx2", "octahedral map of 16², 3 levels, against builtin:sky", "(x, z, y)"),
+        ("wide/specular.exr", "panorama of 32 × 16, 3 levels, against builtin:sky", "as Kiln has it"),
+    ] {
+        // Halves are off by 2⁻¹¹ of the value, less where it is small.
+        let judge =
+            ["verify", file, "--source", "builtin:sky", "--kernel", "nol", "--roughness", "0,0.5,1", "--max-error"];
+        let good = succeed(folder, &[&judge[..], &["1e-3"]].concat()).stdout;
+        assert!(good.contains(claim) && good.contains(turn), "{good}");
+        fail(folder, &[&judge[..], &["1e-6"]].concat(), 3);
+    }
+    std::fs::write(folder.join("grey.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 3\n").unwrap();
+    assert!(fail(folder, &["verify", "grey.hdr", "--source", "builtin:sky"], 1).contains("; "));
 }
 
 /// Exact texels through bilinear filtering and fitted ones: the fit may not be worse, and for a map with curvature it is better.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use kiln::bake::{self, Baked, ShFile};
 use kiln::engine::{self, ENGINES, Engine, RoughnessMap};
 use kiln::environment::cube::{face_point, nearest_texel};
-use kiln::environment::{Cube, Orientation, ShConvention, spherical_harmonics};
+use kiln::environment::{Cube, Orientation, ShConvention, SphereLayout, spherical_harmonics};
 use kiln::format::{Decoded, decode};
 use kiln::recipe::{IrradianceKind, Recipe};
 use kiln::table::{Axis, Sampling};
@@ -25,6 +25,10 @@ fn small(engine: &'static Engine, input: &str, as_shipped: bool) -> Recipe {
     }
     for environment in &mut recipe.environments {
         let preset = engine.environment.as_ref().expect("an environment");
+        // An atlas has one size.
+        if environment.layout == SphereLayout::Atlas {
+            continue;
+        }
         (environment.size, environment.irradiance_size) = (CUBE, CUBE / 2);
         environment.roughness = Some(preset.level_roughness(CUBE, as_shipped));
     }
@@ -73,7 +77,9 @@ fn shader(engine: &str, world: DVec3) -> Option<(DVec3, DVec3)> {
         // u = 1/2 + atan2(x, -z)/2π, where a panorama of Kiln's has u = 1/2 + atan2(z, x)/2π.
         "materialx" => (DVec3::new(-z, y, x), world),
         // Right-handed, +Y up, X negated before the lookup.
-        "threejs" | "playcanvas" => (DVec3::new(-x, y, z), world),
+        "threejs" => (DVec3::new(-x, y, z), world),
+        // X negated, then u = 1/2 + atan2(x, z)/2π.
+        "playcanvas" => (DVec3::new(z, y, -x), world),
         "bevy" => (DVec3::new(x, y, -z), world),
         // Right-handed, +Z up.
         "o3de" => (DVec3::new(-x, z, -y), DVec3::new(x, z, -y)),
@@ -306,8 +312,8 @@ fn the_list_for_programs_has_the_shape_that_was_agreed() {
         }
         assert!(environment["kernel"].is_string() && environment.get("sh").is_some(), "{name}");
         assert_eq!(environment["roughness"].as_array().expect("roughness").len() as u64, environment["levels"]);
-        if environment["layout"] == "equirect" {
-            assert!(environment.get("faces").is_none() && name == "materialx");
+        if environment["layout"] != "cube" {
+            assert!(environment.get("faces").is_none() && ["materialx", "playcanvas"].contains(&name), "{name}");
             continue;
         }
         let faces = environment["faces"].as_array().expect("faces");

@@ -123,6 +123,81 @@ fn every_layout_shows_each_face_where_it_belongs() {
     }
 }
 
+/// The colour of the axis that a direction is nearest to.
+fn axis_colour(d: [f64; 3]) -> [f32; 3] {
+    let axis = (0..3).max_by(|&a, &b| d[a].abs().total_cmp(&d[b].abs())).unwrap();
+    COLOURS[2 * axis + usize::from(d[axis] < 0.0)]
+}
+
+#[test]
+fn an_octahedral_map_shows_each_axis_where_it_belongs_and_keeps_its_flux() {
+    let folder = tempfile::tempdir().unwrap();
+    let n = 30;
+    // The octahedron unfolded, by hand: upper half inside the diamond, the lower one folded out over its sides.
+    let texels: Vec<[f32; 3]> = (0..n * n)
+        .map(|i| {
+            let [u, v] = [i % n, i / n].map(|k| (2.0 * k as f64 + 1.0) / n as f64 - 1.0);
+            let inside = u.abs() + v.abs() <= 1.0;
+            let (x, y) = if inside { (u, v) } else { (u.signum() * (1.0 - v.abs()), v.signum() * (1.0 - u.abs())) };
+            axis_colour([x, y, 1.0 - u.abs() - v.abs()])
+        })
+        .collect();
+    write_exr(folder.path(), "sky.exr", [n, n], &texels, None);
+    let (panorama, found) = read(folder.path(), "sky.exr", InputLayout::Octahedral).unwrap();
+    assert_eq!((found, panorama.width(), panorama.height()), (Layout::Octahedral, 4 * n, 2 * n));
+    for d in
+        [[1.0, 0.2, 0.3], [-1.0, 0.3, -0.1], [0.2, 1.0, -0.3], [-0.3, -1.0, 0.1], [0.1, 0.2, 1.0], [0.3, -0.1, -1.0]]
+    {
+        let got = panorama.radiance(d.into());
+        assert_eq!(got, axis_colour(d), "towards {d:?}");
+    }
+    // A square says of itself nothing; what is no square is no octahedral map.
+    assert_eq!(read(folder.path(), "sky.exr", InputLayout::Auto).unwrap().1, Layout::Panorama);
+    write_exr(folder.path(), "wide.exr", [2 * n, n], &[[1.0; 3]].repeat(2 * n * n), None);
+    let message = read(folder.path(), "wide.exr", InputLayout::Octahedral).unwrap_err().to_string();
+    assert!(message.contains("60 × 30, where an octahedral map is square; "), "{message}");
+}
+
+#[test]
+fn what_kiln_wrote_as_squares_and_as_panoramas_is_an_input_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let panorama = random_panorama([64, 32], 4);
+    write_exr(folder.path(), "sky.exr", [64, 32], panorama.texels(), None);
+    for layout in ["octahedral", "equirect"] {
+        for format in ["exr:f32", "ktx2:rgba32f"] {
+            let out = format!("{layout}-{}", &format[..3]);
+            let chain = ["--layout", layout, "--size", "16", "--min-size", "4", "--irradiance-size", "4"];
+            let bake = ["-q", "env", "sky.exr", "--out", &out, "--format", format];
+            succeed(folder.path(), &[&bake[..], &chain[..]].concat());
+            let input = format!("{out}/specular.{}", format.split(':').next().unwrap());
+            let asked = if layout == "octahedral" { InputLayout::Octahedral } else { InputLayout::Auto };
+            let (back, _) = read(folder.path(), &input, asked).unwrap();
+            let wide = if layout == "octahedral" { 64 } else { 32 };
+            assert_eq!((back.width(), back.height()), (wide, wide / 2), "{input}: level 0");
+            for c in 0..3 {
+                // Every texel is rounded to f32 three times: in the bake's average, in its file, as the panorama.
+                let (got, wanted) = (back.mean()[c], panorama.mean()[c]);
+                assert!((got / wanted - 1.0).abs() < 3.0 * 6e-8, "{input}, channel {c}: {got}, wanted {wanted}");
+            }
+            // The sun is where it was: of the vector of light, averages over texels of 1/16 π lose little.
+            let light = |p: &Panorama| kiln::environment::spherical_harmonics::project(p).radiance[1..4].to_vec();
+            let (got, wanted) = (light(&back), light(&panorama));
+            let length = wanted.iter().map(|v| v[0] * v[0]).sum::<f64>().sqrt();
+            let off = got.iter().zip(&wanted).map(|(a, b)| (a[0] - b[0]).powi(2)).sum::<f64>().sqrt();
+            // A texel's light moves by at most its radius, here half the diagonal of 2π/16, twice: there and back.
+            assert!(
+                off < 2.0 * 0.5 * std::f64::consts::SQRT_2 * PI / 8.0 * length,
+                "{input}: {got:?}, wanted {wanted:?}"
+            );
+        }
+    }
+    let again = ["-q", "env", "octahedral-exr/specular.exr", "--input-layout", "octahedral", "--out", "again"];
+    succeed(folder.path(), &[&again[..], &["--size", "8", "--min-size", "4", "--irradiance-size", "4"]].concat());
+    let certificate = std::fs::read_to_string(folder.path().join("again/certificate.json")).unwrap();
+    assert!(certificate.contains("\"octahedral\""), "{certificate}");
+    succeed(folder.path(), &["verify", "again"]);
+}
+
 #[test]
 fn six_files_are_found_by_one_of_them_by_a_pattern_and_by_their_folder() {
     let (cube, n) = (marked_cube(12), 12);

@@ -3,11 +3,10 @@
 
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
+use crate::support::directions::{directions, kept};
 use crate::support::kiln::succeed;
 use crate::support::{browser, tools};
-use kiln::format::{Image, exr};
 use kiln::integrate::{Integration, Settings};
-use kiln::pack::Number;
 use kiln::table::{Model, Parameter, Point, quantity};
 use std::collections::HashMap;
 use std::path::Path;
@@ -42,6 +41,8 @@ impl Sphere {
 struct Scene {
     name: &'static str,
     cube: &'static str,
+    /// The file of the BRDF's table; nothing for the engine's own.
+    table: Option<&'static str>,
     color: f64,
     metalness: f64,
     roughness: f64,
@@ -52,51 +53,19 @@ fn render(script: &str, folder: &Path, scenes: &[Scene]) -> Option<HashMap<Strin
         .iter()
         .map(|s| {
             serde_json::json!({
-                "name": s.name, "cube": s.cube, "size": SIZE,
+                "name": s.name, "cube": s.cube, "table": s.table, "size": SIZE,
                 "color": s.color, "metalness": s.metalness, "roughness": s.roughness
             })
         })
         .collect();
     let mut files = HashMap::from([("scenes.json".to_owned(), serde_json::Value::from(list).to_string().into_bytes())]);
     for scene in scenes {
-        files.insert(scene.cube.to_owned(), std::fs::read(folder.join(scene.cube)).unwrap());
+        for file in [Some(scene.cube), scene.table].into_iter().flatten() {
+            files.insert(file.to_owned(), std::fs::read(folder.join(file)).unwrap());
+        }
     }
     let results = browser::run(script, files)?;
     Some(results.iter().map(|(name, bytes)| (name.clone(), Sphere { pixels: browser::floats(bytes) })).collect())
-}
-
-/// The environment (1 + x/2, 1 + y/2, 1 + z/2): every direction has a colour of its own, and every zonal filter only fades it.
-fn directions(folder: &Path) {
-    let (width, height) = (256, 128);
-    let mut texels: Vec<f32> = vec![];
-    for i in 0..width * height {
-        let phi = ((i % width) as f64 + 0.5) / width as f64 * std::f64::consts::TAU - std::f64::consts::PI;
-        let theta = ((i / width) as f64 + 0.5) / height as f64 * std::f64::consts::PI;
-        let d = [theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin()];
-        texels.extend(d.map(|c| (1.0 + c / 2.0) as f32));
-    }
-    let image = Image::new(width, height, &["R", "G", "B"], texels).unwrap();
-    std::fs::write(folder.join("directions.exr"), exr::encode(&image, Number::F32).unwrap().0).unwrap();
-}
-
-/// How much of what is linear in the direction a level keeps: ∫ K c dω for K ∝ c/(1 − βc)², β = (1 − α²)/(1 + α²).
-fn kept(roughness: f64) -> f64 {
-    let alpha = roughness.powi(2);
-    if alpha < 1e-3 {
-        return 1.0;
-    }
-    let beta = (1.0 - alpha * alpha) / (1.0 + alpha * alpha);
-    // c = 1 − t³: midpoints crowd where the kernel is narrow.
-    let n = 20_000;
-    let (mut weighted, mut total) = (0.0, 0.0);
-    for i in 0..n {
-        let t = (f64::from(i) + 0.5) / f64::from(n);
-        let c = 1.0 - t.powi(3);
-        let k = c / (1.0 - beta * c).powi(2) * t * t;
-        weighted += k * c;
-        total += k;
-    }
-    weighted / total
 }
 
 fn value(name: &str, mu: f64, roughness: f64, f0: Option<f64>) -> f64 {
@@ -127,12 +96,14 @@ fn threejs_renders_what_kiln_bakes_for_it() {
         succeed(folder.path(), &[&["-q", "env", input, "--out", out], &chain[..]].concat());
     }
     let (white, directions) = ("white/specular.ktx2", "directions/specular.ktx2");
+    let probe = "directions/sh.json";
     let scenes = [
-        Scene { name: "metal", cube: white, color: 1.0, metalness: 1.0, roughness: 0.6 },
-        Scene { name: "grey", cube: white, color: 0.5, metalness: 1.0, roughness: 0.6 },
-        Scene { name: "plastic", cube: white, color: 0.0, metalness: 0.0, roughness: 0.4 },
-        Scene { name: "mirror", cube: directions, color: 1.0, metalness: 1.0, roughness: 0.0 },
-        Scene { name: "rough", cube: directions, color: 1.0, metalness: 1.0, roughness: 0.5 },
+        Scene { name: "metal", cube: white, table: None, color: 1.0, metalness: 1.0, roughness: 0.6 },
+        Scene { name: "grey", cube: white, table: None, color: 0.5, metalness: 1.0, roughness: 0.6 },
+        Scene { name: "plastic", cube: white, table: None, color: 0.0, metalness: 0.0, roughness: 0.4 },
+        Scene { name: "mirror", cube: directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
+        Scene { name: "probe", cube: probe, table: None, color: 1.0, metalness: 0.0, roughness: 1.0 },
+        Scene { name: "rough", cube: directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.5 },
     ];
     let Some(found) = render(include_str!("support/threejs.js"), folder.path(), &scenes) else { return };
 
@@ -154,6 +125,16 @@ fn threejs_renders_what_kiln_bakes_for_it() {
                     "{name} at {normal:?}: {colour:?}, wanted {wanted}"
                 );
             }
+        }
+    }
+    // A light probe takes the coefficients as they are, and lights the world the right way round; 1e-3 for the facets.
+    for (normal, colour) in found["probe"].within(0.9).step_by(37) {
+        for c in 0..3 {
+            let wanted = 1.0 + kept(1.0) * normal[c] / 2.0;
+            assert!(
+                (colour[c] - wanted).abs() < 1e-3 * wanted,
+                "the light probe at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
+            );
         }
     }
     // Direction, level and filter: E of the reflection, and the rest as irradiance.
@@ -182,18 +163,35 @@ fn threejs_renders_what_kiln_bakes_for_it() {
     }
 }
 
+/// A code of RGBD is off by half of 1/255, 2.2 times that of a value at least 0.7 of the largest code, and the divisor as much.
+const RGBD: f64 = 2.0 * 2.2 * 0.5 / 255.0 / 0.7;
+/// What the facets of Babylon.js' sphere, and blends of codes instead of values, are off by.
+const FACETS: f64 = 0.005;
+
 #[test]
-fn babylonjs_loads_the_environment_that_kiln_bakes_for_it_and_shows_it_the_right_way_round() {
+fn babylonjs_renders_what_kiln_bakes_for_it() {
     if tools::folder_with("node_modules/@babylonjs/core").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     directions(folder.path());
-    succeed(folder.path(), &["-q", "env", "directions.exr", "--engine", "babylon", "--size", "32", "--out", "baked"]);
-    let scenes = [Scene { name: "mirror", cube: "baked/directions.env", color: 1.0, metalness: 1.0, roughness: 0.0 }];
+    for (input, size) in [("directions.exr", "32"), ("builtin:white", "8")] {
+        succeed(folder.path(), &["-q", "env", input, "--engine", "babylon", "--size", size, "--out", "baked"]);
+    }
+    let table = ["-q", "table", "dfg", "--engine", "babylon", "--size", "64", "-o", "environmentBRDF.png"];
+    succeed(folder.path(), &table);
+    let (white, directions) = ("baked/white.env", "baked/directions.env");
+    let table = Some("environmentBRDF.png");
+    let scenes = [
+        Scene { name: "mirror", cube: directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
+        Scene { name: "metal", cube: white, table, color: 1.0, metalness: 1.0, roughness: 0.6 },
+        Scene { name: "own", cube: white, table: None, color: 1.0, metalness: 1.0, roughness: 0.6 },
+        Scene { name: "grey", cube: white, table, color: 0.5, metalness: 1.0, roughness: 0.6 },
+        Scene { name: "plastic", cube: white, table, color: 0.0, metalness: 0.0, roughness: 0.4 },
+    ];
     let Some(found) = render(include_str!("support/babylon.js"), folder.path(), &scenes) else { return };
-    // A code of RGBD is off by half of 1/255, 2.2 times that of a value at least 0.7 of the largest code, and the divisor as much.
-    const RGBD: f64 = 2.0 * 2.2 * 0.5 / 255.0 / 0.7;
+
+    // The right way round.
     for (normal, colour) in found["mirror"].within(0.8).step_by(37) {
         let [x, y, z] = normal;
         // Babylon.js' world is left-handed: to the right is its +X, which is -X of the world that was baked; and away from the viewer is +Z.
@@ -201,10 +199,29 @@ fn babylonjs_loads_the_environment_that_kiln_bakes_for_it_and_shows_it_the_right
         for c in 0..3 {
             let wanted = 1.0 + mirror[c] / 2.0;
             assert!(
-                // And the facets of the sphere.
-                (colour[c] - wanted).abs() < (RGBD + 0.005) * wanted,
+                (colour[c] - wanted).abs() < (RGBD + FACETS) * wanted,
                 "the mirror at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
             );
+        }
+    }
+    // A white metal loses nothing, whatever table it uses: E + (1 − E), and 1 is a code of RGBD. What shows black fails here.
+    for name in ["metal", "own"] {
+        for (normal, colour) in found[name].within(0.95) {
+            for c in colour {
+                assert!((c - 1.0).abs() < 2e-3, "a white metal ({name}) in a white furnace at {normal:?}: {colour:?}");
+            }
+        }
+    }
+    // What judges the table: x + F0 (y − x), with Turquin's compensation, by Kiln's own integrals.
+    for (name, f0, roughness) in [("grey", 0.5, 0.6), ("plastic", 0.04, 0.4)] {
+        for (normal, colour) in found[name].within(0.9).step_by(37) {
+            let wanted = value("compensation.turquin", normal[2], roughness, Some(f0));
+            for c in colour {
+                assert!(
+                    (c - wanted).abs() < (RGBD + FACETS) * wanted,
+                    "{name} at {normal:?}: {colour:?}, wanted {wanted}"
+                );
+            }
         }
     }
 }

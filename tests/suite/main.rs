@@ -4,6 +4,7 @@ mod support;
 
 mod arbitrary_bytes;
 mod arrays;
+mod atlas;
 mod chains;
 mod cli;
 mod containers;

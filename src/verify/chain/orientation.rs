@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{log_ratio_spread, median};
 use crate::environment::cube::{FACES, nearest_texel, texel_direction};
-use crate::environment::{Cube, DARK_FLOOR};
+use crate::environment::{Cube, DARK_FLOOR, Orientation as Turned};
 
 /// A signed permutation of the axes: towards d the file shows what the panorama has towards (±d_i, ±d_j, ±d_k).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -31,6 +31,11 @@ impl Turn {
     pub fn apply(&self, direction: DVec3) -> DVec3 {
         let d = direction.to_array();
         DVec3::from([0, 1, 2].map(|i| f64::from(self.signs[i]) * d[self.axes[i]]))
+    }
+
+    /// The same as a recipe has it.
+    pub fn orientation(&self) -> Turned {
+        Turned::new([0, 1, 2].map(|i| (self.axes[i], self.signs[i] < 0)))
     }
 
     /// Whether left and right are swapped.
@@ -96,11 +101,12 @@ const FLOOR: f64 = 30.0 * DARK_FLOOR;
 /// Of the picture's own spread, what the best turn may leave.
 const BELIEVED: f64 = 0.5;
 
-/// Finds the turn. `file` and each of `truths` (the panorama, sharp and blurred) are cubes of one size.
-pub fn find(file: &Cube, truths: &[Cube]) -> Orientation {
+/// Finds the turn among those that `may_be`. `file` and each of `truths` (the panorama, sharp and blurred) are cubes of one size.
+pub fn find(file: &Cube, truths: &[Cube], may_be: &dyn Fn(&Turn) -> bool) -> Orientation {
     let seen = logs(file);
     let mut best: Vec<(f64, Turn, usize)> = vec![];
-    for turn in Turn::all() {
+    let turns: Vec<Turn> = Turn::all().filter(may_be).collect();
+    for &turn in &turns {
         let maps: Vec<usize> = (0..file.texels.len())
             .map(|i| nearest_texel(file.size, turn.apply(texel_direction(file.size, i))))
             .collect();
@@ -134,12 +140,13 @@ pub fn find(file: &Cube, truths: &[Cube]) -> Orientation {
         return Orientation { turn: None, name, mirrored: false, as_good: 0, residual, runner_up, faces: vec![] };
     }
     let mut name = turn.name();
-    if ties.len() == 48 {
+    let any = ties.len() == turns.len();
+    if any {
         name = "any: the picture looks the same from everywhere".to_owned();
     } else if ties.len() > 1 {
         name += &format!(", or one of {} that look the same", ties.len() - 1);
     }
-    let faces = if ties.len() == 48 { vec![] } else { faults(file, &truths[blur], turn) };
+    let faces = if any { vec![] } else { faults(file, &truths[blur], turn) };
     Orientation {
         turn: Some(turn),
         name,

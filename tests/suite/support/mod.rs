@@ -4,6 +4,7 @@
 
 pub mod bilinear;
 pub mod browser;
+pub mod directions;
 pub mod f32_error;
 pub mod kiln;
 pub mod memory;

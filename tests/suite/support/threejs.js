@@ -1,6 +1,6 @@
 // Spheres lit by environments that Kiln baked, rendered by three.js: radiance before tone mapping, as floats.
 //
-// scenes.json: [{ name, cube, size, color, metalness, roughness }], cubes being KTX2 files of half floats.
+// scenes.json: [{ name, cube, size, color, metalness, roughness }], cubes being KTX2 files of half floats; or, of a matt sphere, an sh.json.
 import * as THREE from 'three';
 import { read } from 'three/addons/libs/ktx-parse.module.js';
 
@@ -29,8 +29,17 @@ async function cube(file) {
 const scenes = JSON.parse(new TextDecoder().decode(await bytes('scenes.json')));
 for (const { name, cube: file, size, color, metalness, roughness } of scenes) {
     const scene = new THREE.Scene();
-    scene.environment = await cube(file);
-    const material = new THREE.MeshStandardMaterial({ color: new THREE.Color(color, color, color), metalness, roughness });
+    let material;
+    if (file.endsWith('.json')) {
+        const { engine } = JSON.parse(new TextDecoder().decode(await bytes(file)));
+        const probe = new THREE.LightProbe();
+        probe.sh.fromArray(engine.coefficients.flat());
+        scene.add(probe);
+        material = new THREE.MeshLambertMaterial({ color: new THREE.Color(color, color, color) });
+    } else {
+        scene.environment = await cube(file);
+        material = new THREE.MeshStandardMaterial({ color: new THREE.Color(color, color, color), metalness, roughness });
+    }
     scene.add(new THREE.Mesh(new THREE.SphereGeometry(1, 256, 128), material));
     const camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0, 4);
     camera.position.z = 2;
