@@ -29,11 +29,13 @@ pub enum Curve {
     Srgb,
     /// The power 1/2.2: likewise, or an RGBD whose divisor is 1 everywhere.
     Gamma,
+    /// The square root: an RGBP of nothing above 1, or a table that was to be precise where it is dark.
+    Root,
 }
 
 impl Curve {
     /// Every curve.
-    pub const ALL: [Self; 4] = [Self::Plain, Self::Ratio, Self::Srgb, Self::Gamma];
+    pub const ALL: [Self; 5] = [Self::Plain, Self::Ratio, Self::Srgb, Self::Gamma, Self::Root];
 
     /// The stored value of `y`.
     pub fn apply(self, y: f64) -> f64 {
@@ -43,6 +45,7 @@ impl Curve {
             Self::Srgb if y <= 0.003_130_8 => 12.92 * y,
             Self::Srgb => 1.055 * y.powf(1.0 / 2.4) - 0.055,
             Self::Gamma => y.abs().powf(1.0 / 2.2).copysign(y),
+            Self::Root => y.abs().sqrt().copysign(y),
         }
     }
 
@@ -54,6 +57,7 @@ impl Curve {
             Self::Srgb if v <= 0.040_45 => v / 12.92,
             Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
             Self::Gamma => v.abs().powf(2.2).copysign(v),
+            Self::Root => (v * v).copysign(v),
         }
     }
 }
@@ -96,6 +100,7 @@ impl fmt::Display for Encoding {
             Curve::Ratio => parts.push("stored as y/(1 + y)".to_owned()),
             Curve::Srgb => parts.push("stored through the sRGB curve".to_owned()),
             Curve::Gamma => parts.push("stored to the power 1/2.2".to_owned()),
+            Curve::Root => parts.push("stored as its square root".to_owned()),
         }
         f.write_str(&parts.join(", "))
     }

@@ -27,6 +27,9 @@ pub struct DescribedArgs {
     /// How bare numbers are stored: f16, f32, f64, u8, u16 [default: by the length of the file]
     #[arg(long)]
     number: Option<RawNumber>,
+    /// Which layer of an array of textures, or slice of a volume, from 0 [default: all, as a volume]
+    #[arg(long, value_name = "N")]
+    layer: Option<usize>,
 }
 
 impl DescribedArgs {
@@ -38,6 +41,7 @@ impl DescribedArgs {
             packing: self.packing,
             planar: self.channel_order == "planar",
             number: self.number,
+            layer: self.layer,
         }
     }
 }

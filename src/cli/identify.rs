@@ -95,10 +95,14 @@ fn text(name: &str, found: &Identification) -> String {
         text += &format!("in short: {}\n", found.words.join(", "));
     }
     for c in &found.channels {
+        for same in &c.same {
+            text += &format!("{}: {same} comes to the same numbers, nothing tells them apart\n", c.channel);
+        }
         if let Some(runner_up) = &c.runner_up {
             text += &if c.quantity.is_some() {
+                let ruled_out = if runner_up.ruled_out { "; the other channels rule it out" } else { "" };
                 format!(
-                    "{}: the next best, {}, leaves {:.1} times as much\n",
+                    "{}: the next best, {}, leaves {:.1} times as much{ruled_out}\n",
                     c.channel, runner_up.what, runner_up.times
                 )
             } else {

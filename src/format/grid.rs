@@ -27,28 +27,34 @@ pub enum Stored {
 
 /// Values that must be there before their all being multiples of 1/255 proves anything.
 const ENOUGH_LEVELS: usize = 8;
+/// Places that some of a table's floats have at least, if each is printed as the shortest decimal that is read as it.
+const FLOAT_PLACES: u32 = 7;
 /// Places that a decimal has at most before it says nothing about rounding.
 const MOST_PLACES: u32 = 17;
 
 impl Stored {
-    /// The distance of neighbouring numbers at `value`: correct rounding is off by at most half of it.
+    /// The distance of neighbouring numbers at `value`, on its own: correct rounding is off by at most half of it.
     pub fn step(self, value: f64) -> f64 {
+        self.step_beside(value, value.abs())
+    }
+
+    /// The same in a texel whose largest channel is `brightest`: some formats round the channels of a texel by that. BC6H promises no
+    /// step; seven bits are what its endpoints have at least.
+    pub fn step_beside(self, value: f64, brightest: f64) -> f64 {
         match self {
             Self::F16 => Number::F16.ulp(value),
             Self::F32 => Number::F32.ulp(value),
             Self::F64 => f64::EPSILON * value.abs(),
             Self::Unorm(bits) => 1.0 / ((1_u64 << bits.min(52)) - 1) as f64,
             Self::Decimal(places) => 10_f64.powi(-(places as i32)),
-            // How bright a texel's other channels are, the value alone does not tell: this is the least that a step can be. BC6H
-            // promises none; seven bits are what its endpoints have at least.
             Self::Packed(format, channel) => {
-                format.step(channel, value, value.abs()).unwrap_or_else(|| value.abs().max(1e-6) / 128.0)
+                format.step(channel, value, brightest.max(value.abs())).unwrap_or_else(|| value.abs().max(1e-6) / 128.0)
             }
         }
     }
 
-    /// The nearest number that is stored so.
-    pub fn round(self, value: f64) -> f64 {
+    /// The nearest number that is stored so in a texel whose largest channel is `brightest`.
+    pub fn round_beside(self, value: f64, brightest: f64) -> f64 {
         match self {
             Self::F16 | Self::F32 => {
                 let number = if self == Self::F16 { Number::F16 } else { Number::F32 };
@@ -60,7 +66,7 @@ impl Stored {
                 (value.clamp(0.0, 1.0) / step).round() * step
             }
             Self::Decimal(_) | Self::Packed(..) => {
-                let step = self.step(value);
+                let step = self.step_beside(value, brightest);
                 (value / step).round() * step
             }
         }
@@ -72,8 +78,10 @@ impl Stored {
         let printed = 0.5 * 10_f64.powi(-(places as i32)) * (1.0 + 1e-9);
         let is_half = |v: f64| {
             let half = f64::from(half::f16::from_f64(v));
+            // Printed as a float, it has no more places than tell it from other floats.
+            let as_float = places >= FLOAT_PLACES && half == f64::from(v as f32);
             // Decimals coarser than halves cannot tell.
-            (half - v).abs() <= printed && printed < 0.25 * binary16::ulp(v)
+            as_float || ((half - v).abs() <= printed && printed < 0.25 * binary16::ulp(v))
         };
         let telling = values.iter().filter(|v| v.fract() != 0.0).count();
         if telling >= 2 && values.iter().all(|&v| v == 0.0 || v.fract() == 0.0 || is_half(v)) {
@@ -173,6 +181,8 @@ pub struct Described {
     pub planar: bool,
     /// How the numbers of a file without a header are stored.
     pub number: Option<RawNumber>,
+    /// Which layer of an array of textures, or slice of a volume, from 0; all where nothing is said.
+    pub layer: Option<usize>,
 }
 
 /// The shape of numbers without one: `64x64`, `64x64x2`, `16x16x16x2`; of three or four sizes the last is that of a texel.
@@ -325,7 +335,21 @@ impl Grid {
             })?,
             None => grid,
         };
-        grid.shaped(described.shape)
+        grid.shaped(described.shape)?.only(described.layer)
+    }
+
+    /// The grid, or that layer of it alone.
+    fn only(self, layer: Option<usize>) -> Result<Self> {
+        let Some(layer) = layer else { return Ok(self) };
+        let [w, h, layers] = self.size;
+        if layer >= layers {
+            let way_out =
+                if layers == 1 { "leave --layer out".to_owned() } else { format!("give one from 0 to {}", layers - 1) };
+            return Err(Error::usage(format!("layer {layer} of {layers}"), way_out));
+        }
+        let n = w * h * self.channels.len();
+        let values = self.values[layer * n..(layer + 1) * n].to_vec();
+        Ok(Self { size: [w, h, 1], values, source: format!("{}, layer {layer}", self.source), ..self })
     }
 
     /// Whether every channel is one of that packing.
@@ -349,6 +373,17 @@ impl Grid {
     /// Number of texels.
     pub fn texels(&self) -> usize {
         self.size.iter().product()
+    }
+
+    /// The largest channel of every texel, which those that are no numbers are not.
+    pub fn brightest(&self) -> Vec<f64> {
+        let largest = |texel: &[f64]| texel.iter().fold(0.0, |most, v| f64::max(most, v.abs()));
+        self.values.chunks_exact(self.channels.len()).map(largest).collect()
+    }
+
+    /// The mean distance of neighbouring texels, in parts of that of any two.
+    pub(crate) fn roughness(&self) -> f64 {
+        roughness(&self.values, Shape { size: self.size, channels: self.channels.len() }, false)
     }
 
     /// The values of channel `c`, in the order of the texels.
@@ -627,7 +662,8 @@ pub fn levels(path: &Path, described: &Described) -> Result<Vec<Grid>> {
         }
         kind => match decode(&bytes).map_err(|e| e.in_file(path))? {
             Decoded::Texture(texture) => {
-                (0..texture.levels.len()).map(|level| Grid::of_level(&texture, level, kind.text())).collect()
+                let level = |level| Grid::of_level(&texture, level, kind.text())?.only(described.layer);
+                (0..texture.levels.len()).map(level).collect()
             }
             _ => Ok(vec![Grid::decode(&bytes, described).map_err(|e| e.in_file(path))?]),
         },
@@ -781,8 +817,25 @@ mod tests {
         assert_eq!(Stored::of_floats(&bytes, Stored::F32), Stored::Unorm(8));
         let halves: Vec<f64> = (0..50).map(|i| f64::from(half::f16::from_f64(0.013 * f64::from(i)))).collect();
         assert_eq!(Stored::of_floats(&halves, Stored::F32), Stored::F16);
+        // As Rust and JavaScript print floats: 0.9995117 is 0.99951171875.
+        assert_eq!(Stored::of_decimals(&[0.93115234, 0.9897461, 0.9995117, 1.0], 8), Stored::F16);
+        assert_eq!(Stored::of_decimals(&[0.93115234, 0.9897461, 0.9995118, 1.0], 8), Stored::Decimal(8));
         let floats: Vec<f64> = (0..50).map(|i| f64::from(0.013_f32 * i as f32)).collect();
         assert_eq!(Stored::of_floats(&floats, Stored::F32), Stored::F32);
+    }
+
+    #[test]
+    fn a_layer_can_be_looked_at_alone() {
+        let text = "float a[2][2][2][1] = {1.5, 2, 5, 6, 3, 4, 7, 8};";
+        let layer = |layer| {
+            let described =
+                Described { layer: Some(layer), shape: Some("2x2x2x1".parse().unwrap()), ..Described::default() };
+            Grid::decode(text.as_bytes(), &described)
+        };
+        let second = layer(1).unwrap();
+        assert_eq!((second.size, second.values), ([2, 2, 1], vec![3.0, 4.0, 7.0, 8.0]));
+        let beyond = layer(2).unwrap_err().to_string();
+        assert!(beyond.contains("layer 2 of 2; give one from 0 to 1"), "{beyond}");
     }
 
     #[test]
@@ -797,8 +850,13 @@ mod tests {
 
     #[test]
     fn rounding_is_to_the_nearest_that_is_stored() {
-        assert_eq!(Stored::Unorm(8).round(0.5), 128.0 / 255.0);
-        assert_eq!(Stored::Decimal(2).round(0.126), 0.13);
-        assert!((Stored::F16.round(0.1) - 0.1).abs() <= 0.5 * Stored::F16.step(0.1));
+        let round = |stored: Stored, v: f64| stored.round_beside(v, v);
+        assert_eq!(round(Stored::Unorm(8), 0.5), 128.0 / 255.0);
+        assert_eq!(round(Stored::Decimal(2), 0.126), 0.13);
+        assert!((round(Stored::F16, 0.1) - 0.1).abs() <= 0.5 * Stored::F16.step(0.1));
+        // A common exponent: beside 1.0, the nine bits of a small channel end where those of the large one do.
+        let green = Stored::Packed(TexelFormat::Rgb9e5, 1);
+        assert!(green.step(0.01) < 0.1 * green.step_beside(0.01, 1.0));
+        assert_eq!(green.round_beside(0.01, 1.0), (0.01 * 256.0_f64).round() / 256.0);
     }
 }

@@ -8,6 +8,8 @@
 //! - **Integers in decimal** are unsigned bytes or words that stand for 0 to 1, or the bits of halves where the declaration says so.
 //! - **Decimals** are themselves; how many places they have tells how finely they are rounded.
 
+mod lengths;
+
 use super::grid::Stored;
 use crate::error::{Error, Result};
 use half::f16;
@@ -19,7 +21,8 @@ pub struct Array {
     pub name: String,
     /// The numbers, in the order of the text.
     pub values: Vec<f64>,
-    /// Its dimensions, the outermost first: of the brackets, or of the declaration. One number for a flat array.
+    /// Its dimensions, the outermost first: of the brackets, of the declaration, or of constants beside it. One number for a flat array of
+    /// which nothing is said.
     pub shape: Vec<usize>,
     /// How finely the numbers are rounded.
     pub stored: Stored,
@@ -107,9 +110,10 @@ pub fn arrays(text: &str) -> Vec<Array> {
         // A bracket that is never closed: what is whole within it still counts.
         found.extend(frame.whole);
     }
+    let shapes = lengths::take_shapes(&mut found, &tokens);
     found.retain(|frame: &Frame| frame.numbers.len() >= FEWEST);
     found.sort_by_key(|frame| frame.at);
-    found.into_iter().map(|frame| array(frame, &tokens)).collect()
+    found.into_iter().map(|frame| array(frame, &tokens, &shapes)).collect()
 }
 
 /// The array called `name`, or the only one.
@@ -246,11 +250,16 @@ fn close(mut frame: Frame, parent: Option<&mut Frame>, found: &mut Vec<Frame>) {
     }
 }
 
-fn array(frame: Frame, tokens: &[Token]) -> Array {
+fn array(frame: Frame, tokens: &[Token], shapes: &[Vec<usize>]) -> Array {
     let (name, declared, words) = declaration(&tokens[..frame.at]);
+    let n = frame.numbers.len();
     let mut shape = frame.shape();
-    if shape.len() == 1 && declared.iter().product::<usize>() == frame.numbers.len() {
+    if shape.len() == 1 && declared.iter().product::<usize>() == n {
         shape = declared;
+    }
+    if shape.len() == 1 {
+        let named = shapes.iter().find(|shape| shape.iter().product::<usize>() == n).cloned();
+        shape = named.or_else(|| lengths::said(tokens, n)).unwrap_or(shape);
     }
     let (values, stored) = interpret(&frame.numbers, &words);
     Array { name, values, shape, stored }
@@ -481,6 +490,26 @@ mod tests {
         assert_eq!(only("[[[1.5,2],[3,4],[5,6]]]").shape, [3, 2]);
         assert_eq!(only("[[1.5,2,3],[3,4]]").shape, [5], "ragged");
         assert_eq!(only("[1.5,2,3,4]").shape, [4]);
+    }
+
+    #[test]
+    fn a_flat_array_has_the_lengths_that_the_text_says() {
+        let numbers = "0.5, 0.25, 0.125, 1.0, 0.75, 0.5, 0.25, 0.125, 1.0, 0.75, 0.5, 0.25";
+        for (text, shape) in [
+            ("static const int LUT_WIDTH = 3; static const int LUT_HEIGHT = 4; float lut[12] = {VALUES};", vec![4, 3]),
+            ("const A_HEIGHT: u32 = 2u; const A_WIDTH: u32 = 3u; const A = array<f32, 12>(VALUES);", vec![2, 3, 2]),
+            ("{\"width\": 2, \"height\": 2, \"channels\": 3, \"data\": [VALUES]}", vec![2, 2, 3]),
+            ("export const t = { shape: [2, 2, 1, 3], data: new Float32Array([VALUES]) };", vec![2, 2, 1, 3]),
+            ("export const t = { shape: [6, 2], data: new Float32Array([VALUES]) };", vec![6, 2]),
+            // What does not fit, or contradicts itself, says nothing.
+            ("const int WIDTH = 5; float lut[12] = {VALUES};", vec![12]),
+            ("const int A_WIDTH = 3; const int B_WIDTH = 4; const int HEIGHT = 4; float lut[12] = {VALUES};", vec![12]),
+            ("int width = 0; float lut[] = {VALUES};", vec![12]),
+        ] {
+            let found = only(&text.replace("VALUES", numbers));
+            assert_eq!(found.shape, shape, "{text}");
+            assert_eq!(found.values.len(), 12, "{text}");
+        }
     }
 
     #[test]

@@ -37,6 +37,8 @@ pub struct ChannelFinding {
     pub times_rounding: Option<f64>,
     /// The best of the other explanations.
     pub runner_up: Option<RunnerUp>,
+    /// Explanations that come to the same numbers: nothing in the file tells them apart.
+    pub same: Vec<String>,
 }
 
 /// An explanation that is not the best.
@@ -48,6 +50,8 @@ pub struct RunnerUp {
     pub residual: f64,
     /// How many times what the best one leaves.
     pub times: f64,
+    /// Whether it is near, and yet no rival, as other channels of the table make it certain what the texels stand for.
+    pub ruled_out: bool,
 }
 
 /// What the texels along one dimension stand for.
@@ -70,6 +74,8 @@ const AS_ROUNDED: f64 = 2.0;
 /// How many times the residual another explanation must leave for the best to be certain, and likely.
 const FAR: f64 = 3.0;
 const FARTHER: f64 = 1.5;
+/// The part of the texels that an explanation must have rounded wrongly to be refuted by one that has none so.
+const REFUTED: f64 = 0.05;
 /// Parts of a channel's variation that may be left for it to be likely, and possible.
 const LITTLE: f64 = 1.0 / 30.0;
 const MUCH: f64 = 0.1;
@@ -87,12 +93,20 @@ pub(super) fn explain(
     let mut channels = vec![];
     let (mut claim, mut as_it_is) = (Claim::default(), Claim::default());
     let mut surest: Option<(f64, Hypothesis)> = None;
-    for (c, channel) in grid.channels.iter().enumerate() {
+    // The best explanation of a channel that is certain by itself: the other channels are of the same table.
+    let certain = varying
+        .iter()
+        .zip(data.iter().zip(&ranked))
+        .filter(|&(&c, (data, ranked))| found(grid, c, data, ranked, None).confidence == Confidence::Certain)
+        .map(|(_, (data, ranked))| (ranked[0].trimmed / data.spread, &ranked[0]))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, best)| best);
+    for c in 0..grid.channels.len() {
         let Some(i) = varying.iter().position(|&v| v == c) else {
             channels.push(constant(grid, c));
             continue;
         };
-        let finding = found(channel.name.clone(), channel.stored, &data[i], &ranked[i]);
+        let finding = found(grid, c, &data[i], &ranked[i], certain);
         if finding.confidence > Confidence::Unknown
             && let Some(best) = ranked[i].first()
         {
@@ -148,13 +162,15 @@ fn constant(grid: &Grid, c: usize) -> ChannelFinding {
         relative: None,
         times_rounding: None,
         runner_up: None,
+        same: vec![],
     }
 }
 
-fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> ChannelFinding {
+/// What channel `c` holds, given an explanation of another that is certain.
+fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<&Ranked>) -> ChannelFinding {
     let unknown = ChannelFinding {
-        channel,
-        stored,
+        channel: grid.channels[c].name.clone(),
+        stored: grid.channels[c].stored,
         confidence: Confidence::Unknown,
         holds: "unknown".to_owned(),
         quantity: None,
@@ -164,16 +180,31 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
         relative: None,
         times_rounding: None,
         runner_up: None,
+        same: vec![],
     };
     let Some(best) = ranked.first() else { return unknown };
-    let runner_up = ranked[1..].iter().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).map(|second| RunnerUp {
-        what: what(&second.hypothesis),
-        residual: second.rms,
-        times: (second.trimmed + data.rounding) / (best.trimmed + data.rounding),
-    });
     let relative = best.trimmed / data.spread;
     let times_rounding = best.rms / data.rounding.max(1e-7);
-    let away = runner_up.as_ref().map_or(f64::INFINITY, |r| r.times);
+    let times = |other: &Ranked| (other.trimmed + data.rounding) / (best.trimmed + data.rounding);
+    let (same, others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
+    // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
+    // over other axes, cropped and stretched as they had to be, is no rival.
+    let known = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best));
+    let (rivals, ruled_out): (Vec<&Ranked>, Vec<&Ranked>) =
+        others.into_iter().partition(|other| known.is_none_or(|known| best.is_rivalled_by(other, known)));
+    // Where all of many texels are what rounding makes of the best explanation, what would have some of them rounded wrongly is refuted,
+    // however little that is.
+    let is_refuted = |other: &&Ranked| best.misrounded == 0.0 && other.misrounded >= REFUTED;
+    let is_near = |other: &&Ranked| times(other) < FARTHER;
+    let rivalled = rivals.iter().any(|other| is_near(other) && !is_refuted(other));
+    let nearest = |list: &[&Ranked]| list.iter().copied().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).cloned();
+    let away = nearest(&rivals).as_ref().map_or(f64::INFINITY, times);
+    let runner_up = nearest(&rivals).or_else(|| nearest(&ruled_out)).map(|second| RunnerUp {
+        what: what(&second.hypothesis),
+        residual: second.rms,
+        times: times(&second),
+        ruled_out: rivals.is_empty() && times(&second) < FAR,
+    });
     let encoding = best.hypothesis.encoding;
     let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
     let curved = encoding.curve != Curve::Plain;
@@ -189,7 +220,7 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
         Confidence::Unknown
     } else if times_rounding <= AS_ROUNDED && away >= FAR {
         Confidence::Certain
-    } else if relative <= LITTLE && away >= FARTHER {
+    } else if relative <= LITTLE && !rivalled {
         Confidence::Likely
     } else {
         Confidence::Possible
@@ -197,7 +228,7 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
     let figures = (Some(best.rms), Some(relative), Some(times_rounding));
     if confidence == Confidence::Unknown {
         // What comes nearest is told, but not as what it is.
-        let nearest = RunnerUp { what: what(&best.hypothesis), residual: best.rms, times: 1.0 };
+        let nearest = RunnerUp { what: what(&best.hypothesis), residual: best.rms, times: 1.0, ruled_out: false };
         return ChannelFinding { runner_up: Some(nearest), ..unknown };
     }
     let definition = &best.hypothesis.master.definition;
@@ -214,6 +245,8 @@ fn found(channel: String, stored: Stored, data: &Data, ranked: &[Ranked]) -> Cha
         relative: figures.1,
         times_rounding: figures.2,
         runner_up,
+        // Not what turns the numbers round to come to the same.
+        same: same.into_iter().filter(|r| r.hypothesis.encoding == encoding).map(|r| what(&r.hypothesis)).collect(),
         ..unknown
     }
 }

@@ -250,6 +250,17 @@ pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f6
     let stride: usize = sizes[..d].iter().product();
     let outer: usize = sizes[d + 1..].iter().product();
     let (from, to) = (sizes[d], taps.len());
+    if d == 0 && from >= 4 {
+        // Lines of one number each: four at a time instead.
+        let mut shrunk = Vec::with_capacity(to * outer);
+        for line in values.chunks_exact(from) {
+            for tap in taps {
+                let ([a, b, c, d], w) = (&line[tap.first..tap.first + 4], &tap.weights) else { continue };
+                shrunk.push(a * w[0] + b * w[1] + c * w[2] + d * w[3]);
+            }
+        }
+        return shrunk;
+    }
     let mut shrunk = vec![0.0; stride * to * outer];
     for o in 0..outer {
         for (t, tap) in taps.iter().enumerate() {

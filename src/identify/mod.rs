@@ -6,13 +6,14 @@
 //!
 //! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
 //! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
-//! variation is left at most, and anything else leaves half as much again; *possible* when a tenth is left, whatever else may be. Otherwise it is
+//! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible* when a tenth is left, whatever else may be. Otherwise it is
 //! unknown.
 
 mod cache;
 mod explain;
 pub mod masters;
 mod ramp;
+mod residual;
 mod search;
 
 pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
@@ -100,9 +101,9 @@ impl Identification {
         faults.iter().map(|fault| format!("the table is {fault}; it is judged as it should be")).collect()
     }
 
-    /// What the worst channel leaves, in parts of its variation.
-    fn left(&self) -> f64 {
-        self.channels.iter().filter_map(|c| c.relative).fold(0.0, f64::max)
+    /// What the worst channel leaves, in parts of what rounding does.
+    fn times_rounding(&self) -> f64 {
+        self.channels.iter().filter_map(|c| c.times_rounding).fold(0.0, f64::max)
     }
 
     /// The channels that nothing explains, in sentences.
@@ -120,7 +121,9 @@ const FEWEST_ALONG: usize = 4;
 const FITTED: usize = 14;
 /// Texels along each dimension at which a hypothesis is judged by quadrature at most, and one whose integrals are dear.
 const JUDGED: [usize; 3] = [512, 48, 12];
-const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 8];
+const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 6];
+/// What values may be off by when hypotheses are judged by them.
+const JUDGED_TO: f64 = 1e-6;
 /// Families whose values take longest, by their masters.
 const DEAR: [&str; 4] = ["dielectric.albedo", "dielectric.albedo_avg", "compensation.none", "layered.albedo"];
 /// What is left by the masters, in parts of a channel's variation, above which quadrature has nothing to add: it will not be believed.
@@ -128,32 +131,57 @@ const NOT_TO_BE_BELIEVED: f64 = 0.25;
 
 /// Residuals, in parts of a channel's variation, below which no further masters are asked.
 const GOOD: f64 = 0.01;
+/// Residuals by the masters up to which it is worth while to ask quadrature whether they are as good.
+const NEARLY_GOOD: f64 = 0.1;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
+
+/// How much rougher a file must be, read in one way, than in another that explains it, not to be looked at.
+const CLEARLY_ROUGHER: f64 = 1.3;
 
 /// Finds out what `grid` holds; where its bytes make no sense as they are, what they hold as codes of a packing.
 ///
 /// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
 pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
-    let mut best = identify_numbers(grid, options)?;
     // Codes that all have the same fourth byte are as good as a curve.
-    let codes = grid.channels.len() == 4 && channel_data(grid, 3, &[]).is_some();
-    for packing in PACKINGS {
-        if !codes || best.confidence >= Confidence::Likely {
+    let codes = grid.channels.len() == 4 && grid.channel(3).windows(2).any(|w| w[0] != w[1]);
+    let unpacked: Vec<(TexelFormat, Grid)> = if codes {
+        PACKINGS.into_iter().filter_map(|packing| Some((packing, grid.unpacked(packing)?))).collect()
+    } else {
+        vec![]
+    };
+    let mut readings = vec![(grid.roughness(), None, grid)];
+    readings.extend(unpacked.iter().map(|(packing, grid)| (grid.roughness(), Some(*packing), grid)));
+    readings.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals, the file as it is
+    let smooth = CLEARLY_ROUGHER * readings[0].0;
+    let mut best: Option<Identification> = None;
+    for (roughness, packing, grid) in readings {
+        // Where the factor of four bytes steps, so do the bytes: read as what they are, tables are smooth.
+        if roughness > smooth && best.as_ref().is_some_and(|best| best.confidence >= Confidence::Likely) {
             break;
         }
-        let Some(unpacked) = grid.unpacked(packing) else { continue };
-        let other = identify_numbers(&unpacked, options)?;
-        if other.confidence > Confidence::Unknown && (other.confidence, -other.left()) > (best.confidence, -best.left())
-        {
-            best = Identification { packing: Some(packing), ..other };
+        let found = Identification { packing, ..identify_numbers(grid, options)? };
+        // Of readings that explain nothing, the file as it is.
+        let rank = |i: &Identification| match i.confidence {
+            Confidence::Unknown => (i.confidence, if i.packing.is_none() { 1.0 } else { 0.0 }),
+            sure => (sure, -i.times_rounding()),
+        };
+        if best.as_ref().is_none_or(|best| rank(&found) > rank(best)) {
+            best = Some(found);
         }
     }
-    Ok(best)
+    best.ok_or_else(|| Error::invalid("a table of nothing", "give one with texels"))
 }
 
 fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
     let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
+    let [width, height, layers] = grid.size;
+    if (2..FEWEST_ALONG).contains(&layers) && width.min(height) >= FEWEST_ALONG {
+        return Err(Error::unsupported(
+            format!("{}, which are too few layers for a volume", grid.summary()),
+            format!("look at each by itself, --layer 0 to --layer {}", layers - 1),
+        ));
+    }
     if grid.texels() < FEWEST_TEXELS || sizes.iter().any(|&s| s < FEWEST_ALONG) {
         return Err(Error::unsupported(
             format!("{}, too few to tell a table by", grid.summary()),
@@ -197,10 +225,12 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let spread = whole.min(2.0 * (most.iter().sum::<f64>() / most.len().max(1) as f64).sqrt());
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.
-    let squares = finite.iter().map(|&v| stored.step(v).powi(2) / 12.0).sum::<f64>();
+    let brightest = grid.brightest();
+    let steps: Vec<f64> = values.iter().zip(brightest).map(|(&v, most)| stored.step_beside(v, most)).collect();
+    let squares: f64 = steps.iter().zip(&values).filter(|(_, v)| v.is_finite()).map(|(s, _)| s.powi(2) / 12.0).sum();
     let rounding = (squares / n).sqrt();
     let (low, high) = finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-    (high - low > 2.0 * stored.step(high)).then(|| Data { values, sizes: sizes.to_vec(), spread, rounding })
+    (high - low > 2.0 * stored.step(high)).then(|| Data { values, sizes: sizes.to_vec(), spread, rounding, steps })
 }
 
 /// A hypothesis, what it costs by the masters, and its residuals by quadrature.
@@ -212,6 +242,36 @@ struct Ranked {
     rms: f64,
     /// The same without the worst tenth.
     trimmed: f64,
+    /// What it says of the texels at which it was judged, and what that may be off by; empty where it is not to be believed.
+    says: Vec<(f64, f64)>,
+    /// The part of them at which the file has another number than correct rounding would give.
+    misrounded: f64,
+}
+
+impl Ranked {
+    /// What it leaves by quadrature, with the price that the masters' residual had.
+    fn exact_cost(&self, data: &Data) -> f64 {
+        let price = self.cost / (self.hypothesis.residual + search::MASTER_ERROR + data.rounding);
+        (self.trimmed + data.rounding + JUDGED_TO) * price
+    }
+
+    /// Whether both say the same of every texel, as far as quadrature tells.
+    fn same_numbers(&self, other: &Self) -> bool {
+        let pairs = || self.says.iter().zip(&other.says);
+        // Errors of Monte Carlo are standard errors: four of their sum, so that hardly one in ten thousand is farther off by chance.
+        let near = |((a, a_error), (b, b_error)): (&(f64, f64), &(f64, f64))| {
+            (a.is_nan() && b.is_nan()) || (a - b).abs() <= 2.0 * JUDGED_TO + 4.0 * (a_error + b_error)
+        };
+        !self.says.is_empty() && self.says.len() == other.says.len() && pairs().all(near)
+    }
+
+    /// Whether another channel of the same table, of which it is certain what it holds, leaves `other` as a rival: it does where this one
+    /// stands for other places or another model than that channel, or where `other` stands for the same and is another quantity.
+    fn is_rivalled_by(&self, other: &Self, certain: &Self) -> bool {
+        let model = |r: &Self| r.hypothesis.master.definition.model;
+        let is_known = |r: &Self| r.hypothesis.ramps == certain.hypothesis.ramps && model(r) == model(certain);
+        !is_known(self) || is_known(other)
+    }
 }
 
 /// The best hypotheses of each channel, fitted and judged, the best first.
@@ -224,7 +284,7 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
     let rounds: [(usize, &[Curve], Arrangement); 4] = [
         (n_axes, &[Curve::Plain], Arrangement::Whole),
         (n_axes, &[Curve::Plain], Arrangement::Cropped),
-        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma], Arrangement::Whole),
+        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma, Curve::Root], Arrangement::Whole),
         (n_axes + 1, &[Curve::Plain], Arrangement::Whole),
     ];
     for (master_axes, curves, arrangement) in rounds {
@@ -233,12 +293,12 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
         if master_axes > 3 || (n_axes == 1 && master_axes == 2) || too_many {
             continue;
         }
-        let open: Vec<usize> = (0..channels.len())
-            .filter(|&c| {
-                let relative = |(h, _): &(Hypothesis, f64)| h.relative(&channels[c]);
-                fitted[c].first().map(relative).is_none_or(|left| left > GOOD && left < HOPELESS)
-            })
-            .collect();
+        let mut open = vec![];
+        for c in 0..channels.len() {
+            if is_open(&fitted[c], &channels[c])? {
+                open.push(c);
+            }
+        }
         if open.is_empty() {
             break;
         }
@@ -270,9 +330,44 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
                     ranked.push(judged(hypothesis, cost, data)?);
                 }
             }
+            if let Some(simple) = ranked.first().and_then(|best| best.hypothesis.at_simple_places()) {
+                let choice = search::fine(&data.sizes);
+                let (simple, cost) = search::resettle(&simple, data, &choice);
+                let simple = judged(simple, cost, data)?;
+                if simple.exact_cost(data) <= ranked[0].exact_cost(data) {
+                    ranked[0] = simple;
+                }
+            }
+            // Masters are as good as they are: where quadrature clearly knows better, it decides.
+            let least = ranked.iter().map(|r| r.exact_cost(data)).fold(f64::INFINITY, f64::min);
+            if let Some(i) = ranked.iter().position(|r| r.exact_cost(data) <= search::SIMPLE_IS_AS_GOOD * least) {
+                ranked[..=i].rotate_right(1);
+            }
+            // Of what comes to the same numbers, that whose axes are in the usual order.
+            let same = |r: &Ranked| r.hypothesis.is_in_order() && r.same_numbers(&ranked[0]);
+            if let Some(i) = ranked.iter().position(same) {
+                ranked[..=i].rotate_right(1);
+            }
             Ok(ranked)
         })
         .collect()
+}
+
+/// Whether it is worth while to look further for what explains a channel, of which `fitted` are the best explanations so far.
+fn is_open(fitted: &[(Hypothesis, f64)], data: &Data) -> Result<bool> {
+    let Some((best, cost)) = fitted.first() else { return Ok(true) };
+    let left = best.relative(data);
+    if !(left > GOOD && left < HOPELESS) {
+        return Ok(false);
+    }
+    if left > NEARLY_GOOD {
+        return Ok(true);
+    }
+    // It may be the master, of few nodes where the quantity bends, that is off: quadrature is cheaper than a search.
+    let choice = search::fine(&data.sizes);
+    let at_simple_places = best.at_simple_places().map(|simple| search::resettle(&simple, data, &choice));
+    let (hypothesis, cost) = at_simple_places.unwrap_or_else(|| (best.clone(), *cost));
+    Ok(judged(hypothesis, cost, data)?.trimmed > GOOD * data.spread)
 }
 
 /// Hypotheses of a channel that are judged by quadrature.
@@ -290,21 +385,23 @@ fn says(h: &Hypothesis) -> String {
 fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     if hypothesis.relative(data) > NOT_TO_BE_BELIEVED {
         let left = hypothesis.residual;
-        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left });
+        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left, says: vec![], misrounded: 1.0 });
     }
     let definition = &hypothesis.master.definition;
     let family = definition.handle.family;
     let dear = DEAR.contains(&definition.handle.quantity.name) || !family.has_quadrature();
     let most = if dear { JUDGED_IF_DEAR } else { JUDGED };
     let choice = search::choice(&data.sizes, most[data.sizes.len() - 1]);
-    let settings =
-        Settings { tolerance: Some(1e-6), samples: (!family.has_quadrature()).then_some(4096), ..Settings::default() };
+    let settings = Settings {
+        tolerance: Some(JUDGED_TO),
+        samples: (!family.has_quadrature()).then_some(4096),
+        ..Settings::default()
+    };
     let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
     let integration = Integration::new(settings)?;
     let texels = search::indices(&data.sizes, &choice);
-    let mut squares: Vec<f64> = texels
+    let says: Vec<(f64, f64)> = texels
         .par_iter()
-        .filter(|&&texel| data.values[texel].is_finite())
         .map(|&texel| {
             let (mut rest, mut at) = (texel, definition.at);
             for (ramp, &size) in hypothesis.ramps.iter().zip(&data.sizes) {
@@ -314,26 +411,36 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
             if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
                 at.set(last.parameter, free);
             }
-            let exact = match evaluate_family(family, &at, &definition.model, &integration) {
-                Ok(estimates) => estimates[hypothesis.quantity].value,
-                Err(Error::Unsupported(_)) => f64::NAN, // it diverges there
+            let (exact, error) = match evaluate_family(family, &at, &definition.model, &integration) {
+                Ok(estimates) => (estimates[hypothesis.quantity].value, estimates[hypothesis.quantity].error),
+                Err(Error::Unsupported(_)) => (f64::NAN, 0.0), // it diverges there
                 Err(other) => return Err(other),
             };
-            Ok((hypothesis.encoding.encode(exact) - data.values[texel]).powi(2))
+            let stored = hypothesis.encoding.encode(exact);
+            Ok((stored, (hypothesis.encoding.encode(exact + error) - stored).abs()))
         })
         .collect::<Result<_>>()?;
-    squares.retain(|s| s.is_finite());
+    let off = |((v, error), &texel): (&(f64, f64), &usize)| {
+        let off = (v - data.values[texel]).abs();
+        (off, off > 0.5 * data.steps[texel] + 2.0 * JUDGED_TO + error)
+    };
+    let offs: Vec<(f64, bool)> = says.iter().zip(&texels).map(off).filter(|(off, _)| off.is_finite()).collect();
+    let misrounded = offs.iter().filter(|(_, far)| *far).count() as f64 / offs.len().max(1) as f64;
+    let mut squares: Vec<f64> = offs.iter().map(|(off, _)| off * off).collect();
     if 2 * squares.len() < texels.len() {
         squares = vec![f64::INFINITY]; // where it has no value it explains nothing
     }
     squares.sort_by(f64::total_cmp);
     let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
     let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
-    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best })
+    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says, misrounded })
 }
 
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
 const SHARED_IS_AS_GOOD: f64 = 1.5;
+
+/// The same by the masters alone, beyond which quadrature is not asked.
+const NOT_WORTH_A_LOOK: f64 = 10.0;
 
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well.
@@ -363,10 +470,7 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
                 for curve in Curve::ALL {
                     let mut h = Hypothesis { master: Arc::clone(&master), quantity, ..anchor.clone() };
                     h.encoding.curve = curve;
-                    let values: Vec<f64> = data.at(&choice).into_iter().map(|v| curve.undo(v)).collect();
-                    let (h, cost) = search::settle(&h, &values, &choice, search::MASTER_ERROR + data.rounding);
-                    let price = search::price_of_ranges(&h);
-                    shared.push((h, cost * price));
+                    shared.push(search::resettle(&h, data, &choice));
                 }
             }
         }
@@ -381,9 +485,20 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
             continue;
         }
         let (hypothesis, cost) = shared.swap_remove(own_model);
-        let good = list.first().is_none_or(|own| cost <= SHARED_IS_AS_GOOD * own.cost);
-        if good && let Ok(new) = judged(hypothesis, cost, data) {
+        let hopeless = list.first().is_some_and(|own| cost > NOT_WORTH_A_LOOK * own.cost);
+        let as_good = |new: &Ranked| {
+            list.first().is_none_or(|own| new.exact_cost(data) <= SHARED_IS_AS_GOOD * own.exact_cost(data))
+        };
+        if !hopeless && let Some(new) = judged(hypothesis, cost, data).ok().filter(as_good) {
             list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));
+            // What comes second over the same axes is a rival, too.
+            shared.sort_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((second, cost)) = shared.into_iter().next()
+                && !list.iter().any(|r| r.hypothesis.ramps == second.ramps && says(&r.hypothesis) == says(&second))
+                && let Ok(second) = judged(second, cost, data)
+            {
+                list.push(second);
+            }
             list.insert(0, new);
         }
     }

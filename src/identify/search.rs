@@ -3,6 +3,7 @@
 
 use super::masters::{Master, Taps, along};
 use super::ramp::{Place, Ramp, ramps};
+use super::residual::{KNOWN, Sums, encoding, sum};
 use crate::claim::{Curve, Encoding};
 use crate::math::warp::Warp;
 use crate::table::{Axis, Parameter};
@@ -39,6 +40,8 @@ pub struct Data {
     pub spread: f64,
     /// What correct rounding leaves, RMS.
     pub rounding: f64,
+    /// The distance of neighbouring stored numbers at every value: correct rounding is off by half of it at most.
+    pub steps: Vec<f64>,
 }
 
 /// A choice of texels: the product of some indices along each dimension.
@@ -106,6 +109,30 @@ impl Hypothesis {
         if data.spread > 0.0 { self.residual / data.spread } else { f64::INFINITY }
     }
 
+    /// The same with every dimension at the simple place that is nearest to where it was fitted; nothing where all are at one, or too far.
+    pub fn at_simple_places(&self) -> Option<Self> {
+        let off = |ramp: &Ramp, place: &Place| {
+            let (first, step) = place.of(ramp.size);
+            let last = (ramp.size - 1) as f64;
+            (first - ramp.first).abs().max((first + step * last - ramp.first - ramp.step * last).abs())
+        };
+        let mut ramps = self.ramps.clone();
+        for ramp in ramps.iter_mut().filter(|ramp| ramp.place().is_none()) {
+            let nearest = Place::ALL.into_iter().min_by(|a, b| off(ramp, a).total_cmp(&off(ramp, b)))?;
+            // Half of what two of them differ by at least.
+            if off(ramp, &nearest) > 0.25 / ramp.size as f64 {
+                return None;
+            }
+            *ramp = ramp.placed(nearest);
+        }
+        (ramps != self.ramps).then(|| Self { ramps, ..self.clone() })
+    }
+
+    /// Whether the table's dimensions are the master's parameters in their own order.
+    pub fn is_in_order(&self) -> bool {
+        self.varies.is_sorted()
+    }
+
     /// Whether both say the same of a table, whatever the fitted numbers are.
     pub fn same_kind(&self, other: &Self) -> bool {
         let ramp = |r: &Ramp| (r.parameter, r.flip, format!("{}", r.warp));
@@ -118,7 +145,7 @@ impl Hypothesis {
 
 /// Values over a master's parameters, the first fastest, in the order of the table's dimensions.
 fn in_table_order(values: &[f64], taps: &[Vec<Taps>], varies: &[usize]) -> Vec<f64> {
-    if varies.windows(2).all(|w| w[0] < w[1]) {
+    if varies.is_sorted() {
         return values.to_vec();
     }
     let counts: Vec<usize> = taps.iter().map(Vec::len).collect();
@@ -154,103 +181,6 @@ fn affine(values: &[f64], predicted: &[f64], weights: &[f64]) -> (f64, f64) {
     }
     let scale = (w * xy - x * y) / determinant;
     (scale, (y - scale * x) / w)
-}
-
-/// Root mean square of what is left, without the worst tenth: that is where under-sampled tables are noisy. `squares` is overwritten.
-fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, squares: &mut Vec<f64>) -> f64 {
-    squares.clear();
-    squares.extend(values.iter().zip(predicted).map(|(v, p)| (v - scale * p - offset).powi(2)).filter(|s| !s.is_nan()));
-    if squares.is_empty() {
-        return f64::INFINITY;
-    }
-    let kept = (squares.len() * 9).div_ceil(10);
-    if kept < squares.len() {
-        squares.select_nth_unstable_by(kept, f64::total_cmp);
-    }
-    (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
-}
-
-/// What a factor and an offset of no known meaning must gain, in parts of the residual.
-const PRICE_OF_ANY: f64 = 4.0;
-/// The same for the known ones.
-const PRICE_OF_KNOWN: f64 = 1.5;
-/// The same for a curve.
-const PRICE_OF_CURVE: f64 = 2.0;
-/// The same for every dimension whose ends had to be fitted.
-const PRICE_OF_RANGE: f64 = 1.25;
-/// Factors and offsets that tables are stored with.
-const KNOWN: [(f64, f64); 12] = [
-    (1.0, 0.0),
-    (std::f64::consts::FRAC_1_PI, 0.0),
-    (-1.0, 1.0),
-    (1.0, -0.5),
-    (0.5, 0.5),
-    (std::f64::consts::PI, 0.0),
-    (0.5, 0.0),
-    (2.0, 0.0),
-    (0.25, 0.0),
-    (4.0, 0.0),
-    (2.0, -1.0),
-    (1.0 / 255.0, 0.0),
-];
-
-/// How much of what is left may be in the worst tenth of the texels: more is not looked for while everything is tried.
-const WORST_TENTH: f64 = 4.0;
-
-/// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price, which is infinite
-/// where it is clear that it exceeds `limit`. `squares` is overwritten.
-fn encoding(
-    values: &[f64],
-    predicted: &[f64],
-    curve: Curve,
-    floor: f64,
-    limit: f64,
-    squares: &mut Vec<f64>,
-) -> (Encoding, f64, f64) {
-    let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
-    let (a, b, left) = nearest(values, predicted);
-    let hopeless = (Encoding { scale: a, offset: b, curve }, left, f64::INFINITY);
-    if left / WORST_TENTH * price_of_curve > limit {
-        return hopeless;
-    }
-    let any = trimmed(values, predicted, a, b, squares);
-    // No known factor fits much better than the best of all: what is dear with that need not be looked at further.
-    if 0.8 * (any + floor) * price_of_curve > limit {
-        return hopeless;
-    }
-    let mut best = (Encoding { scale: a, offset: b, curve }, any, (any + floor) * PRICE_OF_ANY * price_of_curve);
-    for (i, (scale, offset)) in KNOWN.into_iter().enumerate() {
-        let residual = trimmed(values, predicted, scale, offset, squares);
-        let price = if i == 0 { 1.0 } else { PRICE_OF_KNOWN };
-        let cost = (residual + floor) * price * price_of_curve;
-        if cost < best.2 {
-            best = (Encoding { scale, offset, curve }, residual, cost);
-        }
-    }
-    best
-}
-
-/// Factor and offset that bring `predicted` nearest to `values`, and the root mean square of what they leave.
-fn nearest(values: &[f64], predicted: &[f64]) -> (f64, f64, f64) {
-    let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for (v, p) in values.iter().zip(predicted) {
-        // A value that is none counts for nothing; without a branch.
-        let (k, v) = if v.is_finite() { (1.0, *v) } else { (0.0, 0.0) };
-        n += k;
-        x += k * p;
-        y += v;
-        xx += k * p * p;
-        xy += p * v;
-        yy += v * v;
-    }
-    let n = f64::max(n, 1.0);
-    let (across, along) = (n * xx - x * x, n * xy - x * y);
-    if across <= 1e-12 * n * xx {
-        return (1.0, 0.0, ((yy - y * y / n) / n).max(0.0).sqrt()); // a constant explains nothing
-    }
-    let scale = along / across;
-    let squares = (n * yy - y * y - scale * along) / (n * n);
-    (scale, (y - scale * x) / n, squares.max(0.0).sqrt())
 }
 
 /// Indices along each dimension while everything is tried.
@@ -338,7 +268,7 @@ pub fn search(
             curves.iter().map(move |&curve| (c, curve, at.iter().map(|&v| curve.undo(v)).collect()))
         })
         .collect();
-    let jobs: Vec<(&Arc<Master>, Vec<usize>, Option<f64>)> = masters
+    let jobs: Vec<Job> = masters
         .iter()
         .flat_map(|master| {
             let nodes = &master.definition.nodes;
@@ -353,17 +283,23 @@ pub fn search(
                 .flat_map(move |varies| frees.clone().into_iter().map(move |free| (master, varies.clone(), free)))
         })
         .collect();
-    let found: Vec<(usize, f64, Hypothesis)> = jobs
-        .par_iter()
-        .flat_map_iter(|(master, varies, free)| {
-            // Half a texel is found by fitting, unless texels are few.
-            let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
-            let nodes = &master.definition.nodes;
-            let ramps: Vec<Vec<Ramp>> =
-                varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
-            try_all(master, varies, *free, &ramps, &choice, &values, channels)
-        })
-        .collect();
+    // Half a texel is found by fitting, unless texels are few.
+    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
+    // `some`: of each dimension only so many ramps.
+    let try_jobs = |some: usize, limits: &[f64]| -> Vec<(usize, f64, Hypothesis)> {
+        jobs.par_iter()
+            .flat_map_iter(|job @ (master, varies, _)| {
+                let nodes = &master.definition.nodes;
+                let mut ramps: Vec<Vec<Ramp>> =
+                    varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
+                ramps.iter_mut().for_each(|ramps| ramps.truncate(some));
+                try_all(job, &ramps, &choice, &values, channels, limits)
+            })
+            .collect()
+    };
+    // A little of everything first: what is dearer than so many that will be kept is not looked at twice.
+    let limits = dearest(try_jobs(A_LITTLE, &vec![f64::INFINITY; channels.len()]), channels.len(), most);
+    let found = try_jobs(usize::MAX, &limits);
     let mut best: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; channels.len()];
     for (c, cost, hypothesis) in found {
         best[c].push((cost, hypothesis));
@@ -390,17 +326,44 @@ pub fn search(
         .collect()
 }
 
+/// A master, which of its parameters each dimension varies, and the value of its last where none does.
+type Job<'a> = (&'a Arc<Master>, Vec<usize>, Option<f64>);
+
+/// Ramps of each dimension in a first, quick look.
+const A_LITTLE: usize = 2;
+
+/// What hypotheses of each channel cost at most that are among the best `most`: there are so many of different kinds below it.
+fn dearest(found: Vec<(usize, f64, Hypothesis)>, n_channels: usize, most: usize) -> Vec<f64> {
+    let mut cheapest: Vec<Vec<(f64, Hypothesis)>> = vec![vec![]; n_channels];
+    for (c, cost, hypothesis) in found {
+        let alike = |(_, k): &&mut (f64, Hypothesis)| {
+            Arc::ptr_eq(&k.master, &hypothesis.master) && k.varies == hypothesis.varies
+        };
+        match cheapest[c].iter_mut().find(alike) {
+            Some(known) => known.0 = known.0.min(cost),
+            None => cheapest[c].push((cost, hypothesis)),
+        }
+    }
+    cheapest
+        .into_iter()
+        .map(|kinds| {
+            let mut costs: Vec<f64> = kinds.into_iter().map(|(cost, _)| cost).collect();
+            costs.sort_by(f64::total_cmp);
+            costs.get(most - 1).copied().unwrap_or(f64::INFINITY)
+        })
+        .collect()
+}
+
 /// Hypotheses that one job keeps of a channel.
 const KEPT: usize = 6;
 
 fn try_all(
-    master: &Arc<Master>,
-    varies: &[usize],
-    free: Option<f64>,
+    (master, varies, free): &Job,
     per_dimension: &[Vec<Ramp>],
     choice: &Choice,
     values: &[(usize, Curve, Vec<f64>)],
     channels: &[Data],
+    limits: &[f64],
 ) -> Vec<(usize, f64, Hypothesis)> {
     let nodes = &master.definition.nodes;
     // What may be looked up along each parameter: an entry per ramp of the dimension that varies it, or the free value alone.
@@ -408,7 +371,7 @@ fn try_all(
     for (dimension, &p) in varies.iter().enumerate() {
         lookups[p] = per_dimension[dimension].iter().map(|ramp| taps(&nodes[p], ramp, &choice[dimension])).collect();
     }
-    if let (Some(value), Some((last, lookup))) = (free, nodes.last().zip(lookups.last_mut())) {
+    if let (Some(value), Some((last, lookup))) = (*free, nodes.last().zip(lookups.last_mut())) {
         *lookup = vec![vec![Taps::new(last.position(value), last.size)]];
     }
     // Values in the order of the master's parameters: predictions then need not be brought into that of the table.
@@ -417,13 +380,15 @@ fn try_all(
     let values = values.iter().map(|(c, curve, values)| {
         let mut sorted = vec![0.0; values.len()];
         order.iter().zip(values).for_each(|(&to, &v)| sorted[to] = v);
-        (*c, *curve, sorted)
+        let sums = sorted.iter().all(|v| v.is_finite()).then(|| Sums::of(&sorted, &sorted));
+        TrialValues { channel: *c, curve: *curve, values: sorted, sums }
     });
     let mut trial = Trial {
         lookups: &lookups,
         values: values.collect(),
         floors: channels.iter().map(|data| MASTER_ERROR + data.rounding).collect(),
         chosen: vec![0; nodes.len()],
+        limits,
         best: vec![vec![]; channels.len()],
         squares: vec![],
     };
@@ -435,8 +400,8 @@ fn try_all(
         master: Arc::clone(master),
         quantity: found.quantity,
         ramps: varies.iter().zip(per_dimension).map(|(&p, ramps)| ramps[found.chosen[p]]).collect(),
-        varies: varies.to_vec(),
-        free,
+        varies: varies.clone(),
+        free: *free,
         encoding: found.encoding,
         residual: found.residual,
     };
@@ -455,12 +420,22 @@ struct Found {
     residual: f64,
 }
 
+/// What predictions are compared with: a channel's values through a curve's inverse.
+struct TrialValues {
+    channel: usize,
+    curve: Curve,
+    values: Vec<f64>,
+    /// Of the values alone; nothing where some are none.
+    sums: Option<Sums>,
+}
+
 /// One master, of which every combination of ramps is tried.
 struct Trial<'a> {
     lookups: &'a [Vec<Vec<Taps>>],
-    /// (channel, curve, its values through the curve's inverse)
-    values: Vec<(usize, Curve, Vec<f64>)>,
+    values: Vec<TrialValues>,
     floors: Vec<f64>,
+    /// What a hypothesis of each channel may cost.
+    limits: &'a [f64],
     chosen: Vec<usize>,
     best: Vec<Vec<Found>>,
     squares: Vec<f64>,
@@ -481,12 +456,14 @@ impl Trial<'_> {
     }
 
     fn judge(&mut self, quantity: usize, predicted: &[f64]) {
-        for (c, curve, values) in &self.values {
+        let own = (sum(predicted, predicted, |p, _| p), sum(predicted, predicted, |p, _| p * p));
+        for TrialValues { channel: c, curve, values, sums } in &self.values {
             let list = &mut self.best[*c];
-            let limit = if list.len() < KEPT { f64::INFINITY } else { list[KEPT - 1].cost };
+            let limit = list.get(KEPT - 1).map_or(self.limits[*c], |last| last.cost.min(self.limits[*c]));
+            let sums = sums.map_or_else(|| Sums::of(values, predicted), |sums| sums.with(values, predicted, own));
             let (encoding, residual, cost) =
-                encoding(values, predicted, *curve, self.floors[*c], limit, &mut self.squares);
-            if list.len() < KEPT || cost < limit {
+                encoding(values, predicted, *curve, &sums, self.floors[*c], limit, &mut self.squares);
+            if cost <= limit {
                 let at = list.partition_point(|known| known.cost < cost);
                 list.insert(at, Found { cost, quantity, chosen: self.chosen.clone(), encoding, residual });
                 list.truncate(KEPT);
@@ -522,8 +499,18 @@ pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64
 pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f64) -> (Hypothesis, f64) {
     let predicted = hypothesis.predict(choice);
     let curve = hypothesis.encoding.curve;
-    let (encoding, residual, cost) = encoding(values, &predicted, curve, floor, f64::INFINITY, &mut vec![]);
+    let sums = Sums::of(values, &predicted);
+    let (encoding, residual, cost) = encoding(values, &predicted, curve, &sums, floor, f64::INFINITY, &mut vec![]);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
+}
+
+/// The same of a channel, and with the price of its ranges.
+pub fn resettle(hypothesis: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
+    let curve = hypothesis.encoding.curve;
+    let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
+    let (settled, cost) = settle(hypothesis, &values, choice, MASTER_ERROR + data.rounding);
+    let price = price_of_ranges(&settled);
+    (settled, cost * price)
 }
 
 fn moved(hypothesis: &Hypothesis, by: &[f64]) -> Hypothesis {
@@ -623,13 +610,16 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
     x
 }
 
+/// What every dimension whose ends had to be fitted must gain, in parts of the residual.
+const PRICE_OF_RANGE: f64 = 1.25;
+
 /// What the ranges cost that had to be fitted although the whole is known.
 pub fn price_of_ranges(hypothesis: &Hypothesis) -> f64 {
     hypothesis.ramps.iter().filter(|ramp| ramp.is_fitted()).map(|_| PRICE_OF_RANGE).product()
 }
 
 /// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
-const SIMPLE_IS_AS_GOOD: f64 = 1.15;
+pub const SIMPLE_IS_AS_GOOD: f64 = 1.15;
 
 /// How much worse a place may fit along one dimension of a volume while the others are fitted, and how many such are tried.
 const OTHERS_FITTED: f64 = 3.0;

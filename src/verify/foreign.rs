@@ -141,6 +141,8 @@ fn judge_group(
             decoded[texel * n + c] = channel.encoding.decode(v);
         }
     }
+    let brightest = grid.brightest();
+    let blocks = of_blocks(grid, channels, &truth.values);
     let finite = decoded.iter().all(|v| v.is_finite());
     let lookups = |values: &[f64]| {
         let texels: Vec<f32> = values.iter().map(|&v| v as f32).collect();
@@ -153,8 +155,11 @@ fn judge_group(
         let wanted = || truth.values.iter().copied().skip(c).step_by(n);
         let found = || decoded.iter().copied().skip(c).step_by(n);
         let texels = Errors::of(found().zip(wanted()).map(|(a, b)| a - b));
-        let ideal = |w: f64| channel.encoding.decode(stored.round(channel.encoding.encode(w))) - w;
-        let rounding = Errors::of(wanted().map(ideal));
+        let ideal = |(w, most)| channel.encoding.decode(stored.round_beside(channel.encoding.encode(w), most)) - w;
+        let rounding = match &blocks {
+            Some(packed) => Errors::of(packed.iter().skip(c).step_by(n).zip(wanted()).map(|(a, b)| f64::from(*a) - b)),
+            None => Errors::of(wanted().zip(brightest.iter().copied()).map(ideal)),
+        };
         let rank = |(_, (a, b)): &(usize, (f64, f64))| if a.is_nan() { f64::INFINITY } else { (a - b).abs() };
         let (texel, (found_there, wanted_there)) = found()
             .zip(wanted())
@@ -168,7 +173,10 @@ fn judge_group(
             found: found_there,
             wanted: wanted_there,
         };
-        let step = wanted().map(|w| step_of(channel, *stored, w)).fold(0.0, f64::max);
+        let step = match &blocks {
+            Some(_) => 2.0 * rounding.max, // of a block there is no step: as much as two
+            None => wanted().zip(&brightest).map(|(w, &most)| step_of(channel, *stored, w, most)).fold(0.0, f64::max),
+        };
         let limit = options.max_error.unwrap_or(step.max(LEAST_LIMIT));
         let quantity = channel.spec.channels[0].quantity.name.to_owned();
         let bad = found().filter(|v| !v.is_finite()).count();
@@ -205,10 +213,23 @@ fn judge_group(
     Ok(())
 }
 
-/// The distance of neighbouring values of the decoded quantity at `wanted`.
-fn step_of(channel: &ClaimedChannel, stored: Stored, wanted: f64) -> f64 {
+/// What a good encoder makes of the right values where all channels are compressed in blocks, of which no step tells what they may be off
+/// by.
+fn of_blocks(grid: &Grid, channels: &[&ClaimedChannel], right: &[f64]) -> Option<Vec<f32>> {
+    let format = TexelFormat::Bc6h;
+    let is_compressed = |(c, channel): (usize, &&ClaimedChannel)| {
+        let plain = channel.encoding == crate::claim::Encoding::PLAIN;
+        plain && channel.index == c && grid.channels[c].stored == Stored::Packed(format, c)
+    };
+    let [width, height, depth] = grid.size;
+    let all = channels.len() == format.channels() && channels.iter().enumerate().all(is_compressed);
+    (all && depth == 1).then(|| format.unpack(width, height, &format.pack(width, height, right).0))
+}
+
+/// The distance of neighbouring values of the decoded quantity at `wanted`, in a texel whose largest channel is stored as `brightest`.
+fn step_of(channel: &ClaimedChannel, stored: Stored, wanted: f64, brightest: f64) -> f64 {
     let v = channel.encoding.encode(wanted);
-    let step = stored.step(v);
+    let step = stored.step_beside(v, brightest);
     (channel.encoding.decode(v + step) - channel.encoding.decode(v)).abs()
 }
 
@@ -269,11 +290,13 @@ fn values<'a>(
         _ => None,
     };
     let n = channels.len();
+    let brightest = grid.brightest();
     let errors = channels
         .iter()
         .enumerate()
         .map(|(c, channel)| {
-            let half_step = decoded.iter().skip(c).step_by(n).map(|&v| 0.5 * step_of(channel, stored(channel), v));
+            let of_channel = decoded.iter().skip(c).step_by(n).zip(&brightest);
+            let half_step = of_channel.map(|(&v, &most)| 0.5 * step_of(channel, stored(channel), v, most));
             let rounding = if number.is_some() { 0.0 } else { half_step.fold(0.0, f64::max) };
             rounding + QUADRATURE_TOLERANCE
         })

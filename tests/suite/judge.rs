@@ -246,16 +246,41 @@ fn what_is_no_table_is_unknown() {
     let product = (0..24 * 24).map(|i| f64::from(i % 24) * (1.0 - f64::from(i / 24) / 80.0) / 24.0).collect();
     // A channel that varies in a corner only.
     let corner = (0..32 * 32).map(|i| if i % 32 < 6 && i / 32 < 6 { random.unit() } else { 1.0 }).collect();
+    // Numbers of all magnitudes, in disorder and in order: next to the largest all others are as good as equal.
+    let spread = (0..32 * 32).map(|_| (200.0 * random.unit() - 100.0).exp2()).collect();
+    let steep = (0..32 * 32).map(|i| (200.0 * f64::from(i % 32 + i / 32) / 62.0 - 100.0).exp2()).collect();
     for (name, values, shape) in [
         ("noise", noise, "32x32"),
         ("photograph", photo, "48x48"),
         ("product", product, "24x24"),
         ("corner", corner, "32x32"),
+        ("of all magnitudes", spread, "32x32"),
+        ("an exponential", steep, "32x32"),
     ] {
         let found = found(&bare(&values, shape));
         assert_eq!(found.confidence, Confidence::Unknown, "{name}: {found:#?}");
         assert_eq!(found.channels[0].holds, "unknown", "{name}");
         assert!(found.commands.is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn layers_of_an_array_are_looked_at_one_by_one() {
+    let recipe = sized("dfg", FormatSpec::exr(kiln::pack::Number::F32), 16);
+    let spec = recipe.spec().unwrap();
+    let table = spec.bake(&Integration::new(Settings::default()).unwrap(), &|_| {}).unwrap().values;
+    let other: Vec<f64> = table.iter().map(|v| 1.0 - v).collect();
+    let format = "rg32f".parse().unwrap();
+    let texture = kiln::format::Texture::array(format, [16, 16, 2], &[table, other].concat()).unwrap().0;
+    let bytes = ktx2::encode(&texture).unwrap();
+    let whole = Grid::decode(&bytes, &Described::default()).unwrap();
+    let refused = identify(&whole, &Options { cache: false }).unwrap_err().to_string();
+    assert!(refused.contains("look at each by itself, --layer 0 to --layer 1"), "{refused}");
+    for (layer, encoding) in [(0, None), (1, Some("1 minus it"))] {
+        let described = Described { layer: Some(layer), ..Described::default() };
+        let found = found(&Grid::decode(&bytes, &described).unwrap());
+        assert_eq!(quantities(&found), ["ggx.scale", "ggx.bias"], "{found:#?}");
+        assert_eq!(found.channels[0].encoding.as_deref(), encoding, "{found:#?}");
     }
 }
 
