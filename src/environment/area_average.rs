@@ -190,12 +190,13 @@ fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// P at every edge between rows, counted from a pole.
 pub(super) struct Wedges {
     pub(super) grid: Grid,
-    /// [`BAND`] rows each: a line of `width` values of P for every edge of its rows, three channels each, and one number more.
-    bands: Vec<Vec<f64>>,
+    /// One line of `width` values of P for each edge of the grid's rows, three channels each, and one number more. (One list: large ones
+    /// are given back as soon as they are dropped.)
+    prefix: Vec<f64>,
     instructions: InstructionSet,
 }
 
-/// Rows that are added up by one thread. (Where one band ends, the next begins with the same line.)
+/// Rows that are added up by one thread.
 const BAND: usize = 64;
 
 impl Wedges {
@@ -227,40 +228,36 @@ impl Wedges {
             sums
         };
         let alone: Vec<Vec<f64>> = (0..rows.div_ceil(BAND)).into_par_iter().map(alone).collect();
-        let mut above = vec![0.0; 3 * width];
+        let line = 3 * width;
+        let mut above = vec![0.0; line];
         let starts: Vec<Vec<f64>> = alone
-            .iter()
-            .map(|band| {
-                let start = above.clone();
-                above.iter_mut().zip(band).for_each(|(above, sum)| *above += sum);
-                start
-            })
-            .collect();
-        let bands = starts
-            .into_par_iter()
-            .enumerate()
-            .map(|(band, mut sums)| {
-                let rows = rows_of(band);
-                let mut lines = Vec::with_capacity((rows.len() + 1) * sums.len() + 1);
-                lines.extend_from_slice(&sums);
-                for row in rows {
-                    add_row(row, &mut sums);
-                    lines.extend_from_slice(&sums);
+            .into_iter()
+            .map(|mut band| {
+                // What is above it takes the place of what it comes to.
+                for (band, above) in band.iter_mut().zip(&mut above) {
+                    (*band, *above) = (*above, *above + *band);
                 }
-                lines.push(0.0);
-                lines
+                band
             })
             .collect();
-        Self { grid, bands, instructions }
+        let mut prefix = vec![0.0; (rows + 1) * line + 1];
+        let end = prefix.len() - 1;
+        let bands = prefix[line..end].par_chunks_mut(BAND * line).zip(starts).enumerate();
+        bands.for_each(|(band, (lines, mut sums))| {
+            for (row, line) in rows_of(band).zip(lines.chunks_exact_mut(line)) {
+                add_row(row, &mut sums);
+                line.copy_from_slice(&sums);
+            }
+        });
+        Self { grid, prefix, instructions }
     }
 
     /// Adds ∫ P dφ over what a texel holds of an arc; the fourth number means nothing.
     #[inline(always)]
     pub(super) fn add<A: Arithmetic>(&self, part: Part, sum: &mut [f64; 4]) {
-        let band = &self.bands[part.row / BAND];
-        let index = 3 * (part.row % BAND * self.grid.width() + part.column);
+        let index = 3 * (part.row * self.grid.width() + part.column);
         let four = |at: usize| -> &[f64; 4] {
-            band[at..].first_chunk().expect("a number more than there are channels follows the last texel")
+            self.prefix[at..].first_chunk().expect("a number more than there are channels follows the last texel")
         };
         let (above, below) = (four(index), four(index + 3 * self.grid.width()));
         for c in 0..4 {
