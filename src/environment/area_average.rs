@@ -21,47 +21,50 @@ pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
     let (mean, height) = (panorama.mean(), panorama.height());
     let instructions = InstructionSet::detect();
     let wedges = |rows: usize, mirrored: bool| Wedges::new(panorama, mean, rows, mirrored, instructions);
-    // One set of wedges at a time: they are larger than the panorama. Rows mirror each other: so do the arcs around the poles.
-    let south = wedges(cap_rows(height), true);
-    let arcs = pole_arcs(&south.grid, size);
-    let bottom = pole_lines(&south, size, &arcs);
-    drop(south);
-    // The faces at the side reach 45° below the equator.
-    let north = wedges((3 * height / 4 + 2).min(height), false);
-    let top = pole_lines(&north, size, &arcs);
-    drop(arcs);
-    let sides = side_lines(&north, size);
-    drop(north);
     let angles = solid_angles(size);
     // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
     // black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());
+    let average = |residual: [f64; 3], angle: f64| -> [f32; 3] {
+        std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
+    };
     let mut texels = vec![[0.0f32; 3]; 6 * size * size];
-    texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
-        let (face, row) = (line / size, line % size);
-        let angles = &angles[row * size..][..size];
-        let average = |residual: [f64; 3], angle: f64| -> [f32; 3] {
-            std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
-        };
-        let at_side = |side: usize, out: &mut [[f32; 3]]| {
-            let (above, below) = (&sides[row][side], &sides[row + 1][side]);
-            for (((out, above), below), angle) in out.iter_mut().zip(above).zip(below).zip(angles) {
-                *out = average(subtract(*above, *below), *angle);
-            }
-        };
-        let at_pole = |lines: &[PoleLine], row: usize, out: &mut [[f32; 3]]| {
+    let at_pole = |lines: &[PoleLine], face: usize, texels: &mut [[f32; 3]]| {
+        let rows = texels[face * size * size..][..size * size].par_chunks_mut(size).enumerate();
+        rows.for_each(|(row, out)| {
+            let angles = &angles[row * size..][..size];
+            // The face below is the one above of the panorama in the mirror.
+            let row = if face == 3 { size - 1 - row } else { row };
             let (above, below) = (&lines[row][1], &lines[row + 1][1]);
             for (column, (out, angle)) in out.iter_mut().zip(angles).enumerate() {
                 let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
                 let down = subtract(above[column], below[column]);
                 *out = average(std::array::from_fn(|c| across[c] + down[c]), *angle);
             }
+        });
+    };
+    // One set of wedges at a time, and one of lines: they are larger than the panorama. Rows mirror each other: so do the arcs around the
+    // poles.
+    let south = wedges(cap_rows(height), true);
+    let arcs = pole_arcs(&south.grid, size);
+    at_pole(&pole_lines(&south, size, &arcs), 3, &mut texels);
+    drop(south);
+    // The faces at the side reach 45° below the equator.
+    let north = wedges((3 * height / 4 + 2).min(height), false);
+    at_pole(&pole_lines(&north, size, &arcs), 2, &mut texels);
+    drop(arcs);
+    let sides = side_lines(&north, size);
+    drop(north);
+    texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
+        let (face, row) = (line / size, line % size);
+        let side = match face {
+            0 | 1 => face,
+            4 | 5 => face - 2,
+            _ => return,
         };
-        match face {
-            2 => at_pole(&top, row, out),
-            3 => at_pole(&bottom, size - 1 - row, out),
-            0 | 1 => at_side(face, out),
-            _ => at_side(face - 2, out),
+        let (above, below) = (&sides[row][side], &sides[row + 1][side]);
+        for (((out, above), below), angle) in out.iter_mut().zip(above).zip(below).zip(&angles[row * size..]) {
+            *out = average(subtract(*above, *below), *angle);
         }
     });
     Cube { size, texels }
