@@ -20,7 +20,7 @@ use super::orientation::Orientation;
 use super::overlap::{Grid, Part};
 use super::panorama::{MIN_HEIGHT, Panorama, row_edges};
 use super::sphere_map::{SphereLayout, SphereMap};
-use super::zonal::{InstructionSet, Twice};
+use super::zonal::InstructionSet;
 use crate::error::{Error, Result};
 use crate::format::memory;
 
@@ -195,7 +195,7 @@ pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation)
             let (below, sign) = polygon.side(orientation);
             let wedges = &halves[usize::from(below)];
             let mut part = [0.0; 4]; // the fourth means nothing
-            polygon.along_border(orientation, below, &wedges.grid, |arc| wedges.add::<Twice>(arc, &mut part));
+            polygon.along_border(orientation, below, &wedges.grid, |arc| wedges.add(arc, &mut part));
             (0..3).for_each(|c| sum[c] += sign * part[c]);
         }
         std::array::from_fn(|c| ((mean[c] + sum[c] / angle) as f32).clamp(low[c], high[c]))

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::fft::{Complex, Fft, separate};
-use super::lanes::{Arithmetic, InstructionSet, LANES, V, ZERO, compiled_for, scale, total};
+use super::lanes::{InstructionSet, LANES, V, ZERO, mul_add, scale, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
 use crate::math::quadrature::Rule;
 
@@ -62,8 +62,10 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions
                     return None;
                 }
                 let (points, largest_sin) = places(first, height, rule, degree);
-                let spectrum =
-                    compiled_for!(instructions, A => spectrum::<A>(map, rows.clone(), &fft, &factors, lines));
+                let spectrum = instructions.run(
+                    #[inline(always)]
+                    || spectrum(map, rows.clone(), &fft, &factors, lines),
+                );
                 Some(Block { first, largest_sin, points, spectrum })
             },
         )
@@ -76,7 +78,10 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions
         .with_max_len(1)
         .map(|m| {
             let blocks: Vec<&Block> = blocks.iter().filter(|b| !negligible(degree, m, b.largest_sin)).collect();
-            compiled_for!(instructions, A => analyse_order::<A>(m, degree, norms[m], &blocks))
+            instructions.run(
+                #[inline(always)]
+                || analyse_order(m, degree, norms[m], &blocks),
+            )
         })
         .collect();
     Coefficients { degree, orders }
@@ -138,7 +143,7 @@ impl Lines {
 }
 
 #[inline(always)]
-fn spectrum<A: Arithmetic>(
+fn spectrum(
     map: &dyn Texels,
     rows: std::ops::Range<usize>,
     fft: &Fft,
@@ -156,11 +161,11 @@ fn spectrum<A: Arithmetic>(
         }
     }
     for (channel, x) in channels.iter_mut().enumerate() {
-        fft.forward::<A>(x, spare);
+        fft.forward(x, spare);
         for (m, (out, &factor)) in spectrum.iter_mut().zip(factors).enumerate() {
             let (even, odd) = separate(x[m % width], x[(width - m % width) % width]);
             for (part, value) in [(0, even), (PARTS, odd)] {
-                let value = value.times::<A>(factor);
+                let value = value.times(factor);
                 (out[part + channel], out[part + 3 + channel]) = (value.re, value.im);
             }
         }
@@ -172,7 +177,7 @@ fn spectrum<A: Arithmetic>(
 const GROUP: usize = 4;
 
 #[inline(always)]
-fn analyse_order<A: Arithmetic>(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[f64; PARTS]> {
+fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[f64; PARTS]> {
     let order = Order::new(m, degree);
     let mut walks: Vec<Vec<Walk>> = blocks
         .iter()
@@ -189,8 +194,8 @@ fn analyse_order<A: Arithmetic>(m: usize, degree: usize, norm: f64, blocks: &[&B
                 let mut any = false;
                 for ((places, _), walk) in block.points.iter().zip(walks) {
                     if !any {
-                        any = walk.advance::<A>(places.cos, a, &mut q[n]);
-                    } else if walk.advance::<A>(places.cos, a, &mut chunk) {
+                        any = walk.advance(places.cos, a, &mut q[n]);
+                    } else if walk.advance(places.cos, a, &mut chunk) {
                         add_chunk(&mut q[n], &chunk);
                     }
                 }
@@ -204,7 +209,7 @@ fn analyse_order<A: Arithmetic>(m: usize, degree: usize, norm: f64, blocks: &[&B
                 let mut sum = sums[k];
                 for (q, spectrum) in q[..n].iter().zip(&spectra[..n]) {
                     for c in 0..PARTS {
-                        sum[c] = A::mul_add(q[k], spectrum[part + c], sum[c]);
+                        sum[c] = mul_add(q[k], spectrum[part + c], sum[c]);
                     }
                 }
                 sums[k] = sum;

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::lanes::{Arithmetic, LANES, V, ZERO};
+use super::lanes::{LANES, V, ZERO, scale_add};
 use crate::environment::full_sum::{FullSum, Lobe, flat_horizon, is_flat};
 use crate::environment::kernel::{Kernel, Lambert, Profile, with_profile};
 use crate::environment::panorama::Panorama;
@@ -78,7 +78,7 @@ impl Bright {
 
     /// Adds ∫ K(axis·l) over what was peeled off, for each of some directions.
     #[inline(always)]
-    pub fn add<A: Arithmetic>(&self, axes: &[DVec3], kernel: &Kernel, exact: &FullSum, sums: &mut [[f64; 3]]) {
+    pub fn add(&self, axes: &[DVec3], kernel: &Kernel, exact: &FullSum, sums: &mut [[f64; 3]]) {
         if self.texels.is_empty() {
             return;
         }
@@ -92,8 +92,8 @@ impl Bright {
             };
             let mut special = vec![];
             let sum = match kernel.is_lambert() {
-                true => self.sum::<A, Lambert>(&eight, kernel, near, &mut special),
-                false => with_profile!(kernel, P => self.sum::<A, P>(&eight, kernel, near, &mut special)),
+                true => self.sum::<Lambert>(&eight, kernel, near, &mut special),
+                false => with_profile!(kernel, P => self.sum::<P>(&eight, kernel, near, &mut special)),
             };
             for (lane, to) in sums.iter_mut().enumerate() {
                 (0..3).for_each(|c| to[c] += sum[c][lane]);
@@ -105,7 +105,7 @@ impl Bright {
     /// The sum over the texels that take the second order, and a list of those that do not: texels that some of the directions
     /// want exactly, with a mask.
     #[inline(always)]
-    fn sum<A: Arithmetic, P: Profile>(
+    fn sum<P: Profile>(
         &self,
         axes: &Axes,
         kernel: &Kernel,
@@ -119,17 +119,17 @@ impl Bright {
             let mut odd = [false; LANES];
             for i in 0..LANES {
                 let (x, y, z) = (axes.x[i], axes.y[i], axes.z[i]);
-                let c = A::fused(x, middle.x, A::fused(y, middle.y, z * middle.z));
-                let g = A::fused(x, down.x, A::fused(y, down.y, z * down.z));
-                let h = A::fused(x, across[0], z * across[1]);
+                let c = x * middle.x + (y * middle.y + z * middle.z);
+                let g = x * down.x + (y * down.y + z * down.z);
+                let h = x * across[0] + z * across[1];
                 let lit = if c > 0.0 { c } else { 0.0 };
                 let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
-                let value = A::fused(curvature * (1.0 / 6.0), A::fused(g, g, h * h), value);
+                let value = value + curvature * (1.0 / 6.0) * (g * g + h * h);
                 odd[i] = (c.abs() < belt) | ((c > near_from) & (c > 0.0));
                 weights[i] = if (c > 0.0) & !odd[i] { value } else { 0.0 };
             }
             for (sum, flux) in sums.iter_mut().zip(texel.flux) {
-                *sum = A::scale_add(weights, flux, *sum);
+                *sum = scale_add(weights, flux, *sum);
             }
             if odd != [false; LANES] {
                 special.push((index, odd));

@@ -8,7 +8,7 @@
 
 use std::f64::consts::TAU;
 
-use super::lanes::{Arithmetic, V, ZERO, add, mul, scale, sub};
+use super::lanes::{V, ZERO, add, mul, scale, scale_add, sub};
 
 /// Eight complex numbers.
 #[derive(Debug, Clone, Copy)]
@@ -37,9 +37,9 @@ impl Complex {
     }
 
     #[inline(always)]
-    pub fn times<A: Arithmetic>(self, (cos, sin): (f64, f64)) -> Self {
+    pub fn times(self, (cos, sin): (f64, f64)) -> Self {
         let (re, im) = (scale(self.im, -sin), scale(self.im, cos));
-        Self { re: A::scale_add(self.re, cos, re), im: A::scale_add(self.re, sin, im) }
+        Self { re: scale_add(self.re, cos, re), im: scale_add(self.re, sin, im) }
     }
 
     #[inline(always)]
@@ -97,13 +97,13 @@ impl Fft {
 
     /// Transforms `x`; `spare` is as long and its content is lost.
     #[inline(always)]
-    pub fn forward<A: Arithmetic>(&self, x: &mut Vec<Complex>, spare: &mut Vec<Complex>) {
+    pub fn forward(&self, x: &mut Vec<Complex>, spare: &mut Vec<Complex>) {
         let (mut n, mut stride) = (self.n, 1);
         for &radix in &self.factors {
             match radix {
-                4 => self.pass4::<A>(n, stride, x, spare),
-                2 => self.pass2::<A>(n, stride, x, spare),
-                _ => self.pass::<A>(radix, n, stride, x, spare),
+                4 => self.pass4(n, stride, x, spare),
+                2 => self.pass2(n, stride, x, spare),
+                _ => self.pass(radix, n, stride, x, spare),
             }
             std::mem::swap(x, spare);
             n /= radix;
@@ -112,7 +112,7 @@ impl Fft {
     }
 
     #[inline(always)]
-    fn pass4<A: Arithmetic>(&self, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
+    fn pass4(&self, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
         let m = n / 4;
         let (x0, rest) = x[..self.n].split_at(m * stride);
         let (x1, rest) = rest.split_at(m * stride);
@@ -128,15 +128,15 @@ impl Fft {
                 let (sum, difference) = (a.add(c), a.sub(c));
                 let (other, turned) = (b.add(d), b.sub(d).turned());
                 y0[q] = sum.add(other);
-                y1[q] = difference.add(turned).times::<A>(w1);
-                y2[q] = sum.sub(other).times::<A>(w2);
-                y3[q] = difference.sub(turned).times::<A>(w3);
+                y1[q] = difference.add(turned).times(w1);
+                y2[q] = sum.sub(other).times(w2);
+                y3[q] = difference.sub(turned).times(w3);
             }
         }
     }
 
     #[inline(always)]
-    fn pass2<A: Arithmetic>(&self, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
+    fn pass2(&self, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
         let (x0, x1) = x[..self.n].split_at(n / 2 * stride);
         for (p, out) in y.chunks_exact_mut(2 * stride).enumerate() {
             let w = self.roots[p * stride];
@@ -144,13 +144,13 @@ impl Fft {
             for q in 0..stride {
                 let (a, b) = (x0[q + stride * p], x1[q + stride * p]);
                 y0[q] = a.add(b);
-                y1[q] = a.sub(b).times::<A>(w);
+                y1[q] = a.sub(b).times(w);
             }
         }
     }
 
     #[inline(always)]
-    fn pass<A: Arithmetic>(&self, radix: usize, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
+    fn pass(&self, radix: usize, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
         let m = n / radix;
         for (p, out) in y.chunks_exact_mut(radix * stride).enumerate() {
             for j in 0..radix {
@@ -160,9 +160,9 @@ impl Fft {
                     for k in 1..radix {
                         let (cos, sin) = self.roots[j * k % radix * (self.n / radix)];
                         let term = x[q + stride * (p + k * m)];
-                        sum = sum.add(term.times::<A>((cos, sin)));
+                        sum = sum.add(term.times((cos, sin)));
                     }
-                    out[j * stride + q] = sum.times::<A>(twiddle);
+                    out[j * stride + q] = sum.times(twiddle);
                 }
             }
         }
@@ -180,7 +180,6 @@ pub(super) fn separate(at: Complex, opposite: Complex) -> (Complex, Complex) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::Twice;
     use super::*;
 
     #[test]
@@ -193,7 +192,7 @@ mod tests {
             };
             let mut x: Vec<Complex> = (0..n).map(input).collect();
             let mut spare = x.clone();
-            Fft::new(n).forward::<Twice>(&mut x, &mut spare);
+            Fft::new(n).forward(&mut x, &mut spare);
             for (j, got) in x.iter().enumerate() {
                 for lane in 0..8 {
                     let (mut re, mut im) = (0.0, 0.0);

@@ -1,8 +1,8 @@
 //! Eight numbers at a time, and the instruction sets that compute them.
 //!
 //! Everything is written once, over arrays of eight `f64`; the compiler turns them into whatever vectors the enclosing function
-//! may use. Every sum has one order. Where a sum of products takes most of the time, [`Arithmetic`] fuses multiplication and addition if
-//! the instruction set does; there results differ by rounding, 1e-16 of the largest term.
+//! may use. Every sum has one order, and multiplication and addition are never fused, so that all instruction sets compute the same
+//! bits. (Fused, the filter was no faster: its long sums wait for memory, its recurrences for the operation before.)
 //!
 //! (Lists of eight rather than closures, which are not compiled for the instructions that their caller chose where they are not inlined.)
 
@@ -15,12 +15,12 @@ pub(in crate::environment) type V = [f64; LANES];
 /// Eight zeros.
 pub(super) const ZERO: V = [0.0; LANES];
 
-/// Instructions that the zonal filter is compiled for. Filtered values agree within 2 ulp of `f32`; those of one set are the same bits.
+/// Instructions that the zonal filter is compiled for: all of them compute the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InstructionSet {
     /// What every processor of this architecture has (SSE2 on x86-64).
     Baseline,
-    /// AVX2 with fused multiplication and addition, found at run time.
+    /// AVX2, found at run time.
     Avx2,
 }
 
@@ -49,11 +49,6 @@ impl InstructionSet {
         }
     }
 
-    /// Whether multiplication and addition are one instruction.
-    pub(in crate::environment) fn fuses(self) -> bool {
-        self == Self::Avx2 && Self::detect() == Self::Avx2
-    }
-
     /// Runs `f` compiled for these instructions, as far as `f` is inlined; for the baseline where the processor lacks them.
     #[inline(always)]
     pub(in crate::environment) fn run<R>(self, f: impl FnOnce() -> R) -> R {
@@ -67,81 +62,35 @@ impl InstructionSet {
     }
 }
 
-/// How a b + c is rounded.
-pub(in crate::environment) trait Arithmetic {
-    /// a b + c.
-    fn fused(a: f64, b: f64, c: f64) -> f64;
-
-    /// a b + c, eight times.
-    #[inline(always)]
-    fn mul_add(a: V, b: V, c: V) -> V {
-        [
-            Self::fused(a[0], b[0], c[0]),
-            Self::fused(a[1], b[1], c[1]),
-            Self::fused(a[2], b[2], c[2]),
-            Self::fused(a[3], b[3], c[3]),
-            Self::fused(a[4], b[4], c[4]),
-            Self::fused(a[5], b[5], c[5]),
-            Self::fused(a[6], b[6], c[6]),
-            Self::fused(a[7], b[7], c[7]),
-        ]
-    }
-
-    /// a s + c, eight times.
-    #[inline(always)]
-    fn scale_add(a: V, s: f64, c: V) -> V {
-        [
-            Self::fused(a[0], s, c[0]),
-            Self::fused(a[1], s, c[1]),
-            Self::fused(a[2], s, c[2]),
-            Self::fused(a[3], s, c[3]),
-            Self::fused(a[4], s, c[4]),
-            Self::fused(a[5], s, c[5]),
-            Self::fused(a[6], s, c[6]),
-            Self::fused(a[7], s, c[7]),
-        ]
-    }
+/// a b + c, eight times.
+#[inline(always)]
+pub(super) fn mul_add(a: V, b: V, c: V) -> V {
+    [
+        a[0] * b[0] + c[0],
+        a[1] * b[1] + c[1],
+        a[2] * b[2] + c[2],
+        a[3] * b[3] + c[3],
+        a[4] * b[4] + c[4],
+        a[5] * b[5] + c[5],
+        a[6] * b[6] + c[6],
+        a[7] * b[7] + c[7],
+    ]
 }
 
-/// By an instruction that rounds once. Slow, if right, without one.
-pub(in crate::environment) struct Once;
-
-/// By two instructions, each of which rounds.
-pub(in crate::environment) struct Twice;
-
-impl Arithmetic for Once {
-    #[inline(always)]
-    fn fused(a: f64, b: f64, c: f64) -> f64 {
-        a.mul_add(b, c)
-    }
+/// a s + c, eight times.
+#[inline(always)]
+pub(super) fn scale_add(a: V, s: f64, c: V) -> V {
+    [
+        a[0] * s + c[0],
+        a[1] * s + c[1],
+        a[2] * s + c[2],
+        a[3] * s + c[3],
+        a[4] * s + c[4],
+        a[5] * s + c[5],
+        a[6] * s + c[6],
+        a[7] * s + c[7],
+    ]
 }
-
-impl Arithmetic for Twice {
-    #[inline(always)]
-    fn fused(a: f64, b: f64, c: f64) -> f64 {
-        a * b + c
-    }
-}
-
-/// Evaluates an expression compiled for some instructions, `$arithmetic` standing for how those multiply and add.
-macro_rules! compiled_for {
-    ($instructions:expr, $arithmetic:ident => $body:expr) => {
-        if $instructions.fuses() {
-            type $arithmetic = $crate::environment::zonal::Once;
-            $instructions.run(
-                #[inline(always)]
-                || $body,
-            )
-        } else {
-            type $arithmetic = $crate::environment::zonal::Twice;
-            $instructions.run(
-                #[inline(always)]
-                || $body,
-            )
-        }
-    };
-}
-pub(in crate::environment) use compiled_for;
 
 #[inline(always)]
 pub(super) fn add(a: V, b: V) -> V {

@@ -10,7 +10,7 @@
 
 use std::f64::consts::PI;
 
-use super::lanes::{Arithmetic, LANES, V, ZERO, add, mul, scale};
+use super::lanes::{LANES, V, ZERO, add, mul, mul_add, scale};
 
 /// Degrees in a chunk: what is computed between two looks at the scale. Even, so that parities stay in step.
 pub(super) const CHUNK: usize = 16;
@@ -130,22 +130,22 @@ pub(super) struct Walk {
 impl Walk {
     /// The next [`CHUNK`] values of Q; false if all are negligible (then nothing is written).
     #[inline(always)]
-    pub fn advance<A: Arithmetic>(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
+    pub fn advance(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
         if self.ready {
             // In registers, two steps at a time: through memory each step would wait for the one before to be stored.
             let (mut current, mut before) = (self.current, self.before);
             for k in (0..CHUNK).step_by(2) {
-                (out[k], before) = (current, next::<A>(cos, a[k], current, before));
-                (out[k + 1], current) = (before, next::<A>(cos, a[k + 1], before, current));
+                (out[k], before) = (current, next(cos, a[k], current, before));
+                (out[k + 1], current) = (before, next(cos, a[k + 1], before, current));
             }
             (self.current, self.before) = (current, before);
             return true;
         }
-        self.advance_scaled::<A>(cos, a, out)
+        self.advance_scaled(cos, a, out)
     }
 
     #[inline(always)]
-    fn advance_scaled<A: Arithmetic>(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
+    fn advance_scaled(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
         let mut active = false;
         for first in (0..CHUNK).step_by(LOOK) {
             let mut mask = ZERO;
@@ -160,7 +160,7 @@ impl Walk {
             active |= mask != ZERO;
             for k in first..first + LOOK {
                 out[k] = mul(self.current, mask);
-                (self.before, self.current) = (self.current, next::<A>(cos, a[k], self.current, self.before));
+                (self.before, self.current) = (self.current, next(cos, a[k], self.current, self.before));
             }
         }
         self.ready = self.exponent == [0; LANES];
@@ -170,8 +170,8 @@ impl Walk {
 
 /// Q_(l+1).
 #[inline(always)]
-fn next<A: Arithmetic>(cos: V, a: f64, current: V, before: V) -> V {
-    A::mul_add(scale(cos, a), current, scale(before, -1.0))
+fn next(cos: V, a: f64, current: V, before: V) -> V {
+    mul_add(scale(cos, a), current, scale(before, -1.0))
 }
 
 /// Adds up two chunks.

@@ -24,7 +24,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 pub use lanes::InstructionSet;
-pub(super) use lanes::{Arithmetic, Once, Twice, compiled_for};
 
 use super::cube::{Cube, texel_direction};
 use super::full_sum::FullSum;
@@ -149,16 +148,14 @@ impl Function<'_> {
 
     /// The values in unit directions, `angles` their angles.
     fn fill(&self, directions: &[DVec3], angles: impl Fn(usize) -> [f64; 2], values: &mut [[f64; 3]]) {
-        compiled_for!(self.zonal.instructions, A => self.fill_by::<A>(directions, &angles, values));
+        self.zonal.instructions.run(
+            #[inline(always)]
+            || self.fill_by(directions, &angles, values),
+        );
     }
 
     #[inline(always)]
-    fn fill_by<A: Arithmetic>(
-        &self,
-        directions: &[DVec3],
-        angles: &impl Fn(usize) -> [f64; 2],
-        values: &mut [[f64; 3]],
-    ) {
+    fn fill_by(&self, directions: &[DVec3], angles: &impl Fn(usize) -> [f64; 2], values: &mut [[f64; 3]]) {
         let Some((part, plan, rings)) = &self.rings else {
             for (value, &direction) in values.iter_mut().zip(directions) {
                 *value = self.zonal.exact.evaluate(direction, &self.kernel);
@@ -166,9 +163,9 @@ impl Function<'_> {
             return;
         };
         for (i, value) in values.iter_mut().enumerate() {
-            *value = rings.at::<A>(angles(i));
+            *value = rings.at(angles(i));
         }
-        part.bright.add::<A>(directions, &self.kernel, &self.zonal.exact, values);
+        part.bright.add(directions, &self.kernel, &self.zonal.exact, values);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;

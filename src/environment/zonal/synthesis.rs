@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::analysis::{Coefficients, PARTS};
 use super::fft::{Complex, Fft};
-use super::lanes::{Arithmetic, InstructionSet, LANES, V, ZERO, add, compiled_for, scale, sub};
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, scale_add, sub};
 use super::legendre::{CHUNK, Order, Places, negligible, sectoral_norms};
 
 /// Taps of the interpolation in each angle.
@@ -56,7 +56,10 @@ impl Rings {
             .with_max_len(1)
             .map(|m| {
                 let orders = &coefficients.orders[m];
-                compiled_for!(instructions, A => synthesise_order::<A>(m, orders, eigenvalues, norms[m], &blocks))
+                instructions.run(
+                    #[inline(always)]
+                    || synthesise_order(m, orders, eigenvalues, norms[m], &blocks),
+                )
             })
             .collect();
         let fft = Fft::new(columns);
@@ -64,7 +67,12 @@ impl Rings {
             .into_par_iter()
             .map_init(
                 || [(); 4].map(|()| vec![Complex::ZERO; columns]),
-                |lines, b| compiled_for!(instructions, A => strip::<A>(b, &spectra, base, &fft, lines)),
+                |lines, b| {
+                    instructions.run(
+                        #[inline(always)]
+                        || strip(b, &spectra, base, &fft, lines),
+                    )
+                },
             )
             .collect();
         Self { rings, columns, base, strips }
@@ -72,7 +80,7 @@ impl Rings {
 
     /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
     #[inline(always)]
-    pub fn at<A: Arithmetic>(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
+    pub fn at(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
         let split = |position: f64| {
             let floor = position.floor();
             (floor as isize, position - floor)
@@ -90,12 +98,12 @@ impl Rings {
                 let k = 2 * pair;
                 let [left, right] = [taps[k][row], taps[k + 1][row]].map(|tap| tap.map(f64::from));
                 for c in 0..4 {
-                    even[c] = A::fused(left[c], across[k], even[c]);
-                    odd[c] = A::fused(right[c], across[k + 1], odd[c]);
+                    even[c] += left[c] * across[k];
+                    odd[c] += right[c] * across[k + 1];
                 }
             }
             for c in 0..4 {
-                sum[c] = A::fused(even[c] + odd[c], weight, sum[c]);
+                sum[c] += (even[c] + odd[c]) * weight;
             }
         }
         std::array::from_fn(|c| sum[c] - f64::from(self.base[c]))
@@ -208,7 +216,7 @@ fn block(first: usize, rings: usize, degree: usize) -> Block {
 
 /// Sums over l of even and of odd l − m, at every block.
 #[inline(always)]
-fn synthesise_order<A: Arithmetic>(
+fn synthesise_order(
     m: usize,
     coefficients: &[[f64; PARTS]],
     eigenvalues: &[f64],
@@ -232,7 +240,7 @@ fn synthesise_order<A: Arithmetic>(
         let mut walk = block.places.start(m, [norm; LANES]);
         let mut q = [ZERO; CHUNK];
         for (a, terms) in order.a.as_chunks::<CHUNK>().0.iter().zip(terms.as_chunks::<CHUNK>().0) {
-            if !walk.advance::<A>(block.places.cos, a, &mut q) {
+            if !walk.advance(block.places.cos, a, &mut q) {
                 continue;
             }
             for parity in 0..2 {
@@ -240,7 +248,7 @@ fn synthesise_order<A: Arithmetic>(
                 for half in 0..CHUNK / 2 {
                     let k = 2 * half + parity;
                     for c in 0..PARTS {
-                        sums[c] = A::scale_add(q[k], terms[k][c], sums[c]);
+                        sums[c] = scale_add(q[k], terms[k][c], sums[c]);
                     }
                 }
                 for c in 0..PARTS {
@@ -255,7 +263,7 @@ fn synthesise_order<A: Arithmetic>(
 
 /// The rings of one block, and their mirror images. What `lines` hold, a channel each and one to spare, is lost.
 #[inline(always)]
-fn strip<A: Arithmetic>(
+fn strip(
     block: usize,
     spectra: &[Vec<[V; 2 * PARTS]>],
     base: [f32; 3],
@@ -279,7 +287,7 @@ fn strip<A: Arithmetic>(
                 x[columns - m] = Complex { re: add(north.0, south.1), im: sub(north.1, south.0) };
             }
         }
-        fft.forward::<A>(x, spare);
+        fft.forward(x, spare);
     }
     let mut strip = Vec::with_capacity(columns + 2 * MARGIN);
     strip.resize(MARGIN, [[0.0; 4]; 2 * LANES]);
