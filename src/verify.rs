@@ -83,8 +83,8 @@ impl Content {
                 .map_err(|e| Error::invalid(format!("broken JSON: {e}"), "bake it again")),
             FileKind::Other(_) if certificate::beside(path).exists() => Ok(Self::Raw(bytes)),
             FileKind::Other(kind) => Err(Error::unsupported(
-                format!("{kind}, which Kiln does not verify"),
-                "give a file that Kiln baked, with its certificate",
+                format!("{kind}, which Kiln did not bake"),
+                "give a file that Kiln baked, with its certificate, or a table in a file that it reads",
             )),
             _ => decode(&bytes).map(|decoded| match decoded {
                 Decoded::Picture(image, _) => Self::Picture(image),
@@ -137,8 +137,8 @@ pub fn file_as(path: &Path, described: &Described, said: Option<&Said>, options:
         Err(refused @ (Error::Unsupported(_) | Error::Invalid(_))) => {
             return match Grid::read(path, described) {
                 Ok(grid) => foreign::judge(path, &grid, None, &options),
-                Err(told @ Error::Usage(_)) => Err(told),
-                Err(Error::Unsupported(_)) => Err(refused),
+                // Of broken JSON it is more to the point what is broken than that it holds no numbers.
+                Err(Error::Unsupported(_)) if matches!(refused, Error::Invalid(_)) => Err(refused),
                 Err(told) => Err(told),
             };
         }

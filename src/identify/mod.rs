@@ -114,7 +114,7 @@ impl Identification {
 }
 
 /// Texels below which there is nothing to go by.
-const FEWEST_TEXELS: usize = 12;
+const FEWEST_TEXELS: usize = 8;
 /// Texels along a dimension below which a warp cannot be told.
 const FEWEST_ALONG: usize = 4;
 /// Hypotheses of a channel that are fitted.
@@ -255,6 +255,11 @@ impl Ranked {
         (self.trimmed + data.rounding + JUDGED_TO) * price
     }
 
+    /// Whether every texel is the correct rounding of what it says, as far as quadrature tells.
+    fn is_exact(&self) -> bool {
+        !self.says.is_empty() && self.misrounded == 0.0
+    }
+
     /// Whether both say the same of every texel, as far as quadrature tells.
     fn same_numbers(&self, other: &Self) -> bool {
         let pairs = || self.says.iter().zip(&other.says);
@@ -326,7 +331,9 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
             for (hypothesis, cost) in list {
                 // Two that came to the same are one.
                 let same = |r: &Ranked| says(&r.hypothesis) == says(&hypothesis);
-                if ranked.len() < SECOND && !ranked.iter().any(same) {
+                let first = ranked.first().map_or(cost, |r| r.cost);
+                let most = if cost <= NEARLY_AS_CHEAP * first { MOST } else { SECOND };
+                if ranked.len() < most && !ranked.iter().any(same) {
                     ranked.push(judged(hypothesis, cost, data)?);
                 }
             }
@@ -338,11 +345,7 @@ fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<R
                     ranked[0] = simple;
                 }
             }
-            // Masters are as good as they are: where quadrature clearly knows better, it decides.
-            let least = ranked.iter().map(|r| r.exact_cost(data)).fold(f64::INFINITY, f64::min);
-            if let Some(i) = ranked.iter().position(|r| r.exact_cost(data) <= search::SIMPLE_IS_AS_GOOD * least) {
-                ranked[..=i].rotate_right(1);
-            }
+            put_best_first(&mut ranked, data);
             // Of what comes to the same numbers, that whose axes are in the usual order.
             let same = |r: &Ranked| r.hypothesis.is_in_order() && r.same_numbers(&ranked[0]);
             if let Some(i) = ranked.iter().position(same) {
@@ -370,8 +373,28 @@ fn is_open(fitted: &[(Hypothesis, f64)], data: &Data) -> Result<bool> {
     Ok(judged(hypothesis, cost, data)?.trimmed > GOOD * data.spread)
 }
 
-/// Hypotheses of a channel that are judged by quadrature.
+/// Brings to the front what quadrature says is best.
+fn put_best_first(ranked: &mut [Ranked], data: &Data) {
+    // What every texel is the correct rounding of is right if anything is: of several such, what took the least to say it.
+    let simplest = |a: &&usize, b: &&usize| {
+        let key = |i: usize| (ranked[i].hypothesis.complexity(), ranked[i].exact_cost(data));
+        let ((a, a_cost), (b, b_cost)) = (key(**a), key(**b));
+        a.cmp(&b).then(a_cost.total_cmp(&b_cost))
+    };
+    let exact: Vec<usize> = (0..ranked.len()).filter(|&i| ranked[i].is_exact()).collect();
+    // Masters are as good as they are: where quadrature clearly knows better, it decides.
+    let least = ranked.iter().map(|r| r.exact_cost(data)).fold(f64::INFINITY, f64::min);
+    let cheap = ranked.iter().position(|r| r.exact_cost(data) <= search::SIMPLE_IS_AS_GOOD * least);
+    if let Some(i) = exact.iter().min_by(simplest).copied().or(cheap) {
+        ranked[..=i].rotate_right(1);
+    }
+}
+
+/// Hypotheses of a channel that are judged by quadrature, and how many where they cost about the same.
 const SECOND: usize = 3;
+const MOST: usize = 10;
+/// What the latter may cost in parts of the first: rounding is coarse, and masters do not tell them apart.
+const NEARLY_AS_CHEAP: f64 = 1.3;
 
 /// What a hypothesis says, whatever numbers were fitted.
 fn says(h: &Hypothesis) -> String {
@@ -487,7 +510,10 @@ fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) 
         let (hypothesis, cost) = shared.swap_remove(own_model);
         let hopeless = list.first().is_some_and(|own| cost > NOT_WORTH_A_LOOK * own.cost);
         let as_good = |new: &Ranked| {
-            list.first().is_none_or(|own| new.exact_cost(data) <= SHARED_IS_AS_GOOD * own.exact_cost(data))
+            list.first().is_none_or(|own| {
+                let as_cheap = new.exact_cost(data) <= SHARED_IS_AS_GOOD * own.exact_cost(data);
+                new.is_exact() || (as_cheap && !own.is_exact())
+            })
         };
         if !hopeless && let Some(new) = judged(hypothesis, cost, data).ok().filter(as_good) {
             list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));

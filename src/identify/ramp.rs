@@ -90,6 +90,15 @@ impl Ramp {
         Self { first: low + 0.5 * step, step, ..self }
     }
 
+    /// How many numbers had to be fitted to say where the texels are.
+    pub fn n_fitted(&self) -> usize {
+        match self.place() {
+            Some(_) => 0,
+            None if self.shift().is_some() => 1,
+            None => 2,
+        }
+    }
+
     /// Whether neither the whole of a known range nor a shift of it is what the texels cover.
     pub fn is_fitted(&self) -> bool {
         self.parameter.range().is_some() && self.shift().is_none()
@@ -151,10 +160,18 @@ pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
     let domain = nodes.ends();
     let log = |offset| Warp::Log { offset };
     let (unit, any) = ((0.0, 1.0), domain);
+    // The usual ones first: of equals, the first is taken.
+    let rising = [Warp::Linear, Warp::Sqrt, Warp::Square, Warp::Cbrt];
+    let over = |parameter: P, range: (f64, f64), others: &[Warp]| -> Vec<(P, Warp, (f64, f64))> {
+        let all = rising.iter().chain(others).copied();
+        all.filter(|warp| warp.domain_fault(range.0, range.1).is_none()).map(|warp| (parameter, warp, range)).collect()
+    };
+    let falling = [Warp::Acos, Warp::SqrtOneMinus];
     let list: Vec<(P, Warp, (f64, f64))> = match nodes.parameter {
         P::Mu => [Warp::Linear, Warp::Sqrt, Warp::SqrtOneMinus, Warp::Acos, Warp::Square, Warp::Cbrt, log(0.01)]
             .map(|warp| (P::Mu, warp, unit))
             .into(),
+        // The square of the roughness is alpha, whose root is the roughness.
         P::Roughness | P::Alpha => vec![
             (P::Roughness, Warp::Linear, unit),
             (P::Alpha, Warp::Linear, unit),
@@ -163,15 +180,20 @@ pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
             (P::Alpha, Warp::Square, unit),
             (P::Roughness, Warp::Acos, unit),
             (P::Roughness, Warp::SqrtOneMinus, unit),
+            (P::Roughness, Warp::Cbrt, unit),
+            (P::Alpha, Warp::Cbrt, unit),
+            (P::Alpha, log(0.05), unit),
+            (P::Alpha, Warp::Acos, unit),
+            (P::Alpha, Warp::SqrtOneMinus, unit),
         ],
         P::Eta if domain.0 >= 1.0 => {
-            vec![(P::Eta, Warp::F0FourthRoot, any), (P::Eta, Warp::Linear, (1.0, 3.0)), (P::Eta, log(0.0), (1.0, 3.0))]
+            [vec![(P::Eta, Warp::F0FourthRoot, any)], over(P::Eta, (1.0, 3.0), &[log(0.0)])].concat()
         }
-        P::Eta => vec![(P::Eta, Warp::F0FourthRoot, any), (P::Eta, Warp::Linear, unit), (P::Eta, Warp::Square, unit)],
-        P::N => vec![(P::N, Warp::Linear, (0.1, 4.0))],
-        P::K => vec![(P::K, Warp::Linear, (0.0, 8.0))],
-        P::AlphaX | P::AlphaY => [Warp::Linear, Warp::Sqrt].map(|warp| (nodes.parameter, warp, unit)).into(),
-        p => [Warp::Linear, Warp::Sqrt, Warp::Square].map(|warp| (p, warp, any)).into(),
+        P::Eta => [vec![(P::Eta, Warp::F0FourthRoot, any)], over(P::Eta, unit, &falling)].concat(),
+        P::N => over(P::N, (0.1, 4.0), &[log(0.0)]),
+        P::K => over(P::K, (0.0, 8.0), &[log(0.05)]),
+        P::AlphaX | P::AlphaY => over(nodes.parameter, unit, &[&falling[..], &[log(0.05)]].concat()),
+        p => over(p, any, &[&falling[..], &[log(0.05)]].concat()),
     };
     list.into_iter()
         .map(|(parameter, warp, range)| {

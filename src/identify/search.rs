@@ -6,7 +6,7 @@ use super::ramp::{Place, Ramp, ramps};
 use super::residual::{KNOWN, Sums, encoding, sum};
 use crate::claim::{Curve, Encoding};
 use crate::math::warp::Warp;
-use crate::table::{Axis, Parameter};
+use crate::table::{Axis, Model, Parameter};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -613,9 +613,42 @@ fn solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
 /// What every dimension whose ends had to be fitted must gain, in parts of the residual.
 const PRICE_OF_RANGE: f64 = 1.25;
 
-/// What the ranges cost that had to be fitted although the whole is known.
+/// What the ranges cost that had to be fitted although the whole is known, and shifts by parts of a texel.
 pub fn price_of_ranges(hypothesis: &Hypothesis) -> f64 {
-    hypothesis.ramps.iter().filter(|ramp| ramp.is_fitted()).map(|_| PRICE_OF_RANGE).product()
+    let had_to_be = |ramp: &&Ramp| ramp.is_fitted() || ramp.n_fitted() == 1;
+    hypothesis.ramps.iter().filter(had_to_be).map(|_| PRICE_OF_RANGE).product()
+}
+
+/// What a master is off by at most, nearly everywhere: where rounding is coarser than that, it tells which texels are rounded wrongly.
+const MASTER_IS_WITHIN: f64 = 1e-4;
+
+impl Hypothesis {
+    /// Texels of a choice that have another number than correct rounding would give; nothing where masters are too coarse to tell.
+    fn misrounded(&self, data: &Data, choice: &Choice) -> Option<usize> {
+        let slack = MASTER_IS_WITHIN * self.encoding.scale.abs().max(1.0);
+        let pairs = || indices(&data.sizes, choice).into_iter().zip(self.predict(choice));
+        // NaN counts for nothing.
+        let is_wrong =
+            |(i, p): &(usize, f64)| (self.encoding.encode(*p) - data.values[*i]).abs() > 0.5 * data.steps[*i] + slack;
+        (data.rounding >= slack).then(|| pairs().filter(is_wrong).count())
+    }
+
+    /// What had to be fitted or assumed for it to hold: numbers first, then places that are not the simplest, then another model than the
+    /// usual one.
+    pub fn complexity(&self) -> [usize; 3] {
+        let encoding = match (self.encoding.scale, self.encoding.offset) {
+            (1.0, 0.0) => 0,
+            known if KNOWN.contains(&known) => 1,
+            _ => 2,
+        };
+        let fitted: usize = self.ramps.iter().map(Ramp::n_fitted).sum();
+        let numbers =
+            encoding + fitted + usize::from(self.encoding.curve != Curve::Plain) + usize::from(self.free.is_some());
+        let place =
+            |ramp: &Ramp| ramp.place().and_then(|own| Place::ALL.iter().position(|place| *place == own)).unwrap_or(0);
+        let is_usual = self.master.definition.model == Model::default();
+        [numbers, self.ramps.iter().map(place).sum(), usize::from(!is_usual)]
+    }
 }
 
 /// How much worse simple places of texels may fit than fitted ones, and still be what is meant.
@@ -681,6 +714,12 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
             (rank, settled, cost)
         })
         .collect();
+    // Where rounding is coarse, the middle of what it leaves hardly tells places apart; texels that it cannot have left do.
+    let exact: Vec<bool> = tried.iter().map(|t| t.1.misrounded(data, choice) == Some(0)).collect();
+    if exact.contains(&true) {
+        let mut exact = exact.into_iter();
+        tried.retain(|_| exact.next() == Some(true));
+    }
     let best = tried.iter().map(|t| t.2).fold(f64::INFINITY, f64::min);
     tried.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)));
     let simplest = tried.into_iter().find(|(_, _, cost)| *cost <= SIMPLE_IS_AS_GOOD * best);

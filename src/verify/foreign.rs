@@ -24,23 +24,27 @@ pub const LEAST_LIMIT: f64 = 1e-3;
 /// Largest, mean and root mean square of errors.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Errors {
-    /// Largest |found − wanted|.
+    /// Largest |found − wanted|; NaN where a value is not finite, which is within no limit.
     pub max: f64,
-    /// Mean of found − wanted: whether the table is too bright or too dark as a whole.
+    /// Mean of found − wanted over the finite values: whether the table is too bright or too dark as a whole.
     pub mean: f64,
-    /// Root mean square.
+    /// Root mean square over the same.
     pub rms: f64,
 }
 
 impl Errors {
     fn of(errors: impl Iterator<Item = f64>) -> Self {
         let (mut max, mut sum, mut squares, mut n) = (0.0_f64, 0.0, 0.0, 0.0);
+        let mut all_finite = true;
         for error in errors {
-            max = if error.is_nan() { f64::NAN } else { max.max(error.abs()) };
-            (sum, squares, n) = (sum + error, squares + error * error, n + 1.0);
+            if error.is_finite() {
+                max = max.max(error.abs());
+                (sum, squares, n) = (sum + error, squares + error * error, n + 1.0);
+            } else {
+                all_finite = false;
+            }
         }
-        let n = f64::max(n, 1.0);
-        Self { max, mean: sum / n, rms: (squares / n).sqrt() }
+        Self { max: if all_finite { max } else { f64::NAN }, mean: sum / n, rms: (squares / n).sqrt() }
     }
 }
 
@@ -160,7 +164,7 @@ fn judge_group(
             Some(packed) => Errors::of(packed.iter().skip(c).step_by(n).zip(wanted()).map(|(a, b)| f64::from(*a) - b)),
             None => Errors::of(wanted().zip(brightest.iter().copied()).map(ideal)),
         };
-        let rank = |(_, (a, b)): &(usize, (f64, f64))| if a.is_nan() { f64::INFINITY } else { (a - b).abs() };
+        let rank = |(_, (a, b)): &(usize, (f64, f64))| if a.is_finite() { (a - b).abs() } else { f64::INFINITY };
         let (texel, (found_there, wanted_there)) = found()
             .zip(wanted())
             .enumerate()
@@ -204,7 +208,9 @@ fn judge_group(
             limit,
         });
     }
-    report.notes.extend(broken_limits(grid, spec, channels, &decoded));
+    if finite {
+        report.notes.extend(broken_limits(grid, spec, channels, &decoded));
+    }
     if options.full {
         let kinds = vec![ErrorKind::Bound; n];
         let judged = values(grid, spec, channels, &decoded, &kinds);

@@ -1,0 +1,473 @@
+//! The whole matrix: every named table and model × size × warp × flip × sampling × order of the axes × kind of file, every pair of choices.
+//!
+//! `KILN_SWEEP=all cargo test --test suite recognised::sweep -- --nocapture` runs all of it, which takes tens of minutes;
+//! `KILN_SWEEP=1`, `2` or `3` the tables over so many axes, and `KILN_SWEEP=2:dfg` those whose names begin so. Without it the suite runs a
+//! choice in which every table, every warp of every axis, every sampling, flip and order, and every kind of file occurs.
+
+use super::pairs::{Row, covering};
+use kiln::claim::{Claim, Encoding, Said};
+use kiln::format::grid::{Described, Grid, RawNumber, Shape};
+use kiln::format::{Container, FormatSpec, Packing, Texture, encode};
+use kiln::identify::{Confidence, Identification, Options, identify};
+use kiln::integrate::{Integration, Settings};
+use kiln::model::charlie::Visibility;
+use kiln::model::ggx::Smith;
+use kiln::model::layered::Kd;
+use kiln::pack::{Number, PackReport, TexelFormat};
+use kiln::table::named::{NamedTable, TABLES};
+use kiln::table::{Axis, Model, Sampling, TableSpec, named, quantity};
+use kiln::verify;
+use std::path::Path;
+
+/// A table and the choices of its model.
+#[derive(Debug, Clone, Copy)]
+pub struct Kind {
+    pub table: &'static NamedTable,
+    pub model: Model,
+    /// Which choices turn out, where others come to the same numbers.
+    pub found: Model,
+}
+
+impl Kind {
+    fn of(table: &str, model: Model) -> Self {
+        Self { table: named::find(table).unwrap(), model, found: model }
+    }
+
+    /// Every named table, and every model of those that have a choice.
+    pub fn all() -> Vec<Self> {
+        let smith = |smith| Model { smith, ..Model::default() };
+        let charlie = Model { visibility: Visibility::Charlie, ..Model::default() };
+        let kd = |kd| Model { kd, ..Model::default() };
+        let others = [
+            Self::of("dfg", smith(Smith::Separable)),
+            Self::of("dfg", smith(Smith::ApproxCorrelated)),
+            Self::of("dfg", smith(Smith::SchlickIbl)),
+            Self::of("dfg", smith(Smith::SchlickDirect)),
+            Self::of("beckmann-dfg", smith(Smith::Separable)),
+            Self::of("ggx-albedo-avg", smith(Smith::Separable)),
+            Self::of("charlie-albedo", charlie),
+            Self::of("charlie-albedo-avg", charlie),
+            Self::of("layered-albedo", kd(Kd::Fresnel)),
+            // Another reflectance, the same albedo.
+            Self { found: kd(Kd::Albedo), ..Self::of("layered-albedo", kd(Kd::Reciprocal)) },
+        ];
+        // One number everywhere is nothing to recognise.
+        let named = TABLES.iter().filter(|table| table.name != "lambert-albedo");
+        named.map(|table| Self::of(table.name, Model::default())).chain(others).collect()
+    }
+
+    /// Whether a value takes milliseconds: tables of many texels then take minutes.
+    fn is_dear(&self) -> bool {
+        ["dielectric", "dielectric-inside", "dielectric-albedo", "dielectric-avg", "compensation", "layered-albedo"]
+            .contains(&self.table.name)
+            || self.is_random()
+    }
+
+    /// Whether only Monte Carlo knows its values.
+    fn is_random(&self) -> bool {
+        self.table.name == "ggx-albedo-anisotropic"
+    }
+
+    /// Whether values exceed 1.
+    fn is_bright(&self) -> bool {
+        self.table.name.starts_with("charlie") || self.table.name == "compensation"
+    }
+}
+
+/// Warps as a user writes them. Logarithms begin where they are found.
+const WARPS: [&str; 8] = ["linear", "sqrt", "cbrt", "square", "log", "acos", "sqrt-one-minus", "f0-fourth-root"];
+
+/// The axis of the table with another size and warp; nothing where it does not admit the warp.
+fn axis(of: &str, size: usize, warp: usize, edge: bool, flip: bool) -> Option<Axis> {
+    let mut axis: Axis = of.parse().unwrap();
+    let near_zero = axis.parameter.range().is_some_and(|(low, _)| low == 0.0);
+    let warp = match WARPS[warp] {
+        "log" if near_zero && of.starts_with("mu") => "log+0.01",
+        "log" if near_zero => "log+0.05",
+        warp => warp,
+    };
+    let infinite = !axis.ends().1.is_finite();
+    (axis.size, axis.flip, axis.warp) = (size, flip, warp.parse().unwrap());
+    if infinite && warp != "f0-fourth-root" {
+        axis.range = Some((1.0, 3.0));
+    }
+    if edge {
+        axis.sampling = Sampling::Edge;
+    }
+    axis.check().ok().map(|()| axis)
+}
+
+/// How a file is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Written {
+    /// A container whose channels are numbers, as many as the table has or the next that it can hold.
+    Numbers(Container, Number),
+    /// Another format, by name.
+    Coded(&'static str),
+    /// Numbers without a header, of a shape that is told; in planes, one after the other, or texel by texel.
+    Bare(RawNumber, bool),
+    /// Arrays within arrays, so many places after the point.
+    Json(usize),
+    /// The same numbers in one list, of a shape that is told.
+    FlatJson(usize),
+}
+
+/// Every way to write a file.
+pub fn every_way() -> Vec<Written> {
+    use Container::{C, Dds, Exr, Glsl, Hlsl, Js, Ktx1, Ktx2, Npy, Png, Rust, Wgsl};
+    use Number::{F16, F32, Unorm8, Unorm16};
+    use Written::{Bare, Coded, FlatJson, Json, Numbers};
+    let numbers = [
+        (Exr, F32),
+        (Exr, F16),
+        (Ktx2, F16),
+        (Ktx2, F32),
+        (Ktx2, Unorm8),
+        (Ktx2, Unorm16),
+        (Ktx1, F16),
+        (Dds, F16),
+        (Dds, Unorm8),
+        (Png, Unorm8),
+        (Png, Unorm16),
+        (Npy, F32),
+        (Npy, F16),
+        (C, F32),
+        (Rust, F32),
+        (Glsl, F32),
+        (Hlsl, F16),
+        (Wgsl, F32),
+        (Js, F32),
+        (Js, F16),
+    ];
+    let coded = [
+        "ktx2:rgb9e5",
+        "dds:rgb9e5",
+        "ktx2:b10g11r11",
+        "ktx2:rgbm",
+        "ktx2:rgbd",
+        "ktx2:rgbp",
+        "png:rgbd",
+        "png:rgbm",
+        "hdr",
+    ];
+    let bare = [
+        Bare(RawNumber::F16, false),
+        Bare(RawNumber::F32, false),
+        Bare(RawNumber::F64, false),
+        Bare(RawNumber::U8, false),
+        Bare(RawNumber::U16, false),
+        Bare(RawNumber::F32, true),
+    ];
+    let texts = [Json(9), Json(5), FlatJson(7)];
+    numbers.map(|(c, n)| Numbers(c, n)).into_iter().chain(coded.map(Coded)).chain(bare).chain(texts).collect()
+}
+
+impl Written {
+    /// Whether it holds tables of so many channels that may exceed 1.
+    fn admits(self, kind: &Kind) -> bool {
+        let n = kind.table.channels.len();
+        let within_one = match self {
+            Self::Numbers(_, number) => !number.is_signed(),
+            Self::Bare(number, _) => matches!(number, RawNumber::U8 | RawNumber::U16),
+            _ => false,
+        };
+        let fits = match self {
+            Self::Numbers(container, _) => container.has_any_channels() || n <= 4,
+            Self::Coded(_) => n <= 3,
+            _ => true,
+        };
+        // What is compensated exceeds what these have.
+        let beyond = kind.table.name == "compensation" && matches!(self, Self::Coded(_));
+        fits && !beyond && !(within_one && kind.is_bright())
+    }
+
+    /// The container's format for `n` channels.
+    fn format(self, n: usize) -> Option<(FormatSpec, TexelFormat)> {
+        match self {
+            Self::Numbers(container, number) => (n..=4.max(n)).find_map(|channels| {
+                let format = TexelFormat::Plain { channels, number };
+                Some((FormatSpec::new(container, format).ok()?, format))
+            }),
+            Self::Coded(name) => {
+                let spec: FormatSpec = name.parse().unwrap();
+                let Packing::Texel(format) = spec.packing() else { return None };
+                Some((spec, format))
+            }
+            _ => None,
+        }
+    }
+
+    /// What four bytes a texel are codes of.
+    fn code(self) -> Option<TexelFormat> {
+        let format = self.format(1)?.1;
+        matches!(format, TexelFormat::Rgbd | TexelFormat::Rgbm | TexelFormat::Rgbp).then_some(format)
+    }
+
+    /// The file as somebody else writes it, and what he has to say of it.
+    pub fn file(self, size: [usize; 3], n: usize, values: &[f64]) -> (Vec<u8>, Described, PackReport) {
+        let shape = Some(Shape { size, channels: n });
+        let [w, h, d] = size;
+        let Some((spec, format)) = self.format(n) else {
+            let (bytes, described) = self.bare(size, n, values);
+            return (bytes, described, PackReport::default());
+        };
+        // Channels that the format has beyond the table's are empty.
+        let wide: Vec<f64> = values
+            .chunks_exact(n)
+            .flat_map(|texel| (0..format.channels()).map(|c| texel.get(c).copied().unwrap_or(0.0)))
+            .collect();
+        let container = spec.container();
+        let (texture, report, described) = if d == 1 {
+            let (texture, report) = Texture::flat(format, w, h, &wide).unwrap();
+            (texture, report, Described::default())
+        } else if container.has_volumes() {
+            let (texture, report) = Texture::volume(format, size, &wide).unwrap();
+            (texture, report, Described::default())
+        } else {
+            // Slices below each other.
+            let (texture, report) = Texture::flat(format, w, h * d, &wide).unwrap();
+            (texture, report, Described { shape, ..Described::default() })
+        };
+        // Codes of four bytes say in the metadata what they are: somebody else's do not.
+        let (texture, spec) = match self.code() {
+            Some(_) => {
+                let plain = TexelFormat::Plain { channels: 4, number: Number::Unorm8 };
+                (Texture { format: plain, ..texture }, FormatSpec::new(container, plain).unwrap())
+            }
+            None => (texture, spec),
+        };
+        let bytes = encode(spec, &texture).unwrap();
+        if !container.is_source() {
+            return (bytes, described, report);
+        }
+        let text = String::from_utf8(bytes).unwrap();
+        let lines: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+        (lines.join("\n").into_bytes(), described, report)
+    }
+
+    fn bare(self, size: [usize; 3], n: usize, values: &[f64]) -> (Vec<u8>, Described) {
+        let shape = Some(Shape { size, channels: n });
+        match self {
+            Self::Bare(number, planar) => {
+                let texels = values.len() / n;
+                let order: Vec<usize> = if planar {
+                    (0..n).flat_map(|c| (0..texels).map(move |t| t * n + c)).collect()
+                } else {
+                    (0..values.len()).collect()
+                };
+                let bytes = |i: usize| -> Vec<u8> {
+                    let v = values[i];
+                    match number {
+                        RawNumber::U8 => vec![(v * 255.0).round() as u8],
+                        RawNumber::U16 => ((v * 65535.0).round() as u16).to_le_bytes().into(),
+                        RawNumber::F16 => half::f16::from_f64(v).to_le_bytes().into(),
+                        RawNumber::F32 => (v as f32).to_le_bytes().into(),
+                        RawNumber::F64 => v.to_le_bytes().into(),
+                    }
+                };
+                // Half floats, floats and doubles the length of the file tells apart.
+                let said = matches!(number, RawNumber::U8 | RawNumber::U16).then_some(number);
+                (
+                    order.into_iter().flat_map(bytes).collect(),
+                    Described { shape, planar, number: said, ..Described::default() },
+                )
+            }
+            Self::Json(places) => {
+                let mut parts: Vec<String> = values.iter().map(|v| format!("{v:.places$}")).collect();
+                for length in [n, size[0], size[1], size[2]] {
+                    if length > 1 {
+                        parts = parts.chunks(length).map(|row| format!("[{}]", row.join(", "))).collect();
+                    }
+                }
+                // Of one channel, slices and rows of a volume look like rows and channels where they are few.
+                let described = Described { shape: shape.filter(|_| size[2] > 1 || size[1] == 1), ..Described::default() };
+                (parts.concat().into_bytes(), described)
+            }
+            Self::FlatJson(places) => {
+                let parts: Vec<String> = values.iter().map(|v| format!("{v:.places$}")).collect();
+                let text = format!("{{\"lut\": [{}]}}", parts.join(","));
+                (text.into_bytes(), Described { shape, ..Described::default() })
+            }
+            _ => unreachable!("has a format"),
+        }
+    }
+}
+
+/// A table in a file.
+#[derive(Debug, Clone)]
+pub struct Case {
+    pub kind: Kind,
+    pub axes: Vec<Axis>,
+    pub written: Written,
+}
+
+impl Case {
+    fn spec(&self, channels: &[&str], axes: &[Axis], model: Model) -> TableSpec {
+        let at = self.kind.table.default_point().unwrap();
+        let given = |p: kiln::table::Parameter| {
+            axes.iter().any(|a| a.parameter.canonical() == p.canonical()) || at.get(p).is_ok()
+        };
+        let channels = channels.iter().map(|name| quantity::find_among(name, given).unwrap()).collect();
+        TableSpec { channels, axes: axes.to_vec(), at, model }
+    }
+
+    pub fn name(&self) -> String {
+        let axes: Vec<String> = self.axes.iter().map(Axis::brief).collect();
+        format!("{}{} over {} as {:?}", self.kind.table.name, kiln::claim::model_words(&self.wanted()), axes.join(","), self.written)
+    }
+
+    fn wanted(&self) -> TableSpec {
+        self.spec(self.kind.table.channels, &self.axes, self.kind.model)
+    }
+
+    /// Writes the file, asks what it is and judges it as that; what is wrong with the answer, or how sure it was.
+    pub fn judged(&self) -> Result<Confidence, String> {
+        let spec = self.wanted();
+        let integration = Integration::new(Settings::default()).unwrap();
+        let values = spec.bake(&integration, &|_| {}).unwrap().values;
+        let size = [spec.width(), spec.height(), spec.depth()];
+        let n = spec.channels.len();
+        let (bytes, described, report) = self.written.file(size, n, &values);
+        assert_eq!((report.overflowed, report.negative), (0, 0), "{}: it cannot be written so", self.name());
+        let read = |bytes: &[u8]| Grid::decode(bytes, &described).map_err(|e| format!("not read: {e}"));
+        let grid = read(&bytes)?;
+        let found = identify(&grid, &Options { cache: false }).map_err(|e| format!("not identified: {e}"))?;
+        let grid = found.packing.and_then(|packing| grid.unpacked(packing)).unwrap_or(grid);
+        let judged = verify::foreign::judge(Path::new("table"), &grid, Some(found.claim.clone()), &verify::Options::default())
+            .map_err(|e| format!("not judged: {e}"))?;
+        if judged.failures() > 0 {
+            let failed: Vec<String> = (judged.checks.iter().filter(|c| !c.passed))
+                .map(|c| format!("{} of {}: {:.2e}, at most {:.2e}", c.name, c.subject, c.figure, c.limit))
+                .collect();
+            return Err(format!("{} ({:?}): fails: {}", judged.claim, found.confidence, failed.join("; ")));
+        }
+        self.is_named(&grid, &found, &values)?;
+        Ok(found.confidence)
+    }
+
+    /// Whether it is named as what it is, or as what comes to the same numbers.
+    fn is_named(&self, grid: &Grid, found: &Identification, values: &[f64]) -> Result<(), String> {
+        let table = self.kind.table;
+        let said = Said {
+            channels: table.channels.iter().map(|&c| c.to_owned()).collect(),
+            axes: self.axes.clone(),
+            at: table.default_point().unwrap(),
+            model: self.kind.found,
+            table: None,
+        };
+        let wanted = Claim::new(grid, &said).unwrap().to_string();
+        // Where the factor of four bytes does not vary, they are just a curve.
+        let mut claim = found.claim.clone();
+        if self.written.code().is_some() {
+            claim.channels.iter_mut().for_each(|channel| channel.encoding = Encoding::PLAIN);
+        }
+        if claim.to_string() == wanted {
+            return Ok(());
+        }
+        let wrong = || format!("{:?}: taken for {}, where it is {wanted}", found.confidence, found.claim);
+        // What is claimed instead, written as the file was: nobody can tell it from the file if it is the same.
+        let mut again = values.to_vec();
+        let n = table.channels.len();
+        let mut same = true;
+        for c in 0..n {
+            let Some(claimed) = claim.channels.iter().find(|channel| channel.index == c) else { return Err(wrong()) };
+            let integration = Integration::new(Settings::default()).unwrap();
+            let baked = claimed.spec.bake(&integration, &|_| {}).map_err(|e| format!("{}: {e}", wrong()))?.values;
+            for (texel, v) in baked.iter().enumerate() {
+                let v = claimed.encoding.encode(*v);
+                same &= (v - values[texel * n + c]).abs() <= 1e-9;
+                again[texel * n + c] = v;
+            }
+        }
+        if same {
+            return Ok(());
+        }
+        let [w, h, d] = grid.size;
+        let bytes = |values: &[f64]| self.written.file([w, h, d], n, values).0;
+        if found.confidence <= Confidence::Possible && bytes(&again) == bytes(values) {
+            return Ok(());
+        }
+        let alike = bytes(&again).iter().zip(bytes(values)).filter(|(a, b)| **a == *b).count();
+        Err(format!("{} ({alike} of {} bytes alike)", wrong(), bytes(values).len()))
+    }
+}
+
+/// Sizes along an axis.
+fn sizes(n_axes: usize) -> &'static [usize] {
+    if n_axes == 3 { &[8, 9, 13, 33] } else { &[8, 13, 64, 256] }
+}
+
+/// Every pair of choices for tables over so many axes.
+fn matrix(n_axes: usize, only: &str) -> Vec<Case> {
+    let kinds: Vec<Kind> =
+        Kind::all().into_iter().filter(|k| k.table.axes.len() == n_axes && k.table.name.starts_with(only)).collect();
+    let ways = every_way();
+    let sizes = sizes(n_axes);
+    let orders: &[&[usize]] = match n_axes {
+        1 => &[&[0]],
+        2 => &[&[0, 1], &[1, 0]],
+        _ => &[&[0, 1, 2], &[1, 0, 2], &[2, 1, 0], &[0, 2, 1], &[1, 2, 0], &[2, 0, 1]],
+    };
+    // The table, the kind of file, the order, and of each axis its size, warp, sampling and flip.
+    let mut factors = vec![kinds.len(), ways.len(), orders.len()];
+    (0..n_axes).for_each(|_| factors.extend([sizes.len(), WARPS.len(), 2, 2]));
+    let admits = |f: usize, v: usize, g: usize, w: usize| match (f, g) {
+        (0, 1) => ways[w].admits(&kinds[v]),
+        (0, g) if g >= 3 => match (g - 3) % 4 {
+            0 => !(kinds[v].is_dear() && sizes[w] > if n_axes == 3 { 9 } else { 13 }),
+            1 => axis(kinds[v].table.axes[(g - 3) / 4], 8, w, false, false).is_some(),
+            _ => true,
+        },
+        // Large along two axes of three, or as many as that, takes too long.
+        (f, g) if f >= 3 && (f - 3) % 4 == 0 && (g - 3) % 4 == 0 => match n_axes {
+            3 => sizes[v] + sizes[w] <= 42,
+            _ => true,
+        },
+        _ => true,
+    };
+    let case = |row: &Row| {
+        let kind = kinds[row[0]];
+        let axes: Option<Vec<Axis>> = (0..n_axes)
+            .map(|i| {
+                let [size, warp, edge, flip] = [0, 1, 2, 3].map(|k| row[3 + 4 * i + k]);
+                axis(kind.table.axes[i], sizes[size], warp, edge == 1, flip == 1)
+            })
+            .collect();
+        let axes = axes?;
+        Some(Case { kind, axes: orders[row[2]].iter().map(|&i| axes[i]).collect(), written: ways[row[1]] })
+    };
+    covering(&factors, &admits).iter().filter_map(case).collect()
+}
+
+/// Runs the matrix if it is asked for: see the module.
+pub fn run(asked: &str) {
+    let (axes, only) = asked.split_once(':').unwrap_or((asked, ""));
+    let all: Vec<Case> = match axes {
+        "all" => (1..=3).flat_map(|n| matrix(n, only)).collect(),
+        n => matrix(n.parse().expect("KILN_SWEEP is all, 1, 2 or 3"), only),
+    };
+    let begin = std::time::Instant::now();
+    let (mut failed, mut sure) = (vec![], [0; 4]);
+    for (i, case) in all.iter().enumerate() {
+        match case.judged() {
+            Ok(confidence) => {
+                sure[confidence as usize] += 1;
+                if confidence < Confidence::Likely {
+                    println!("possible: {}", case.name());
+                }
+            }
+            Err(error) => {
+                println!("{i} of {} at {:.0} s: {}: {error}", all.len(), begin.elapsed().as_secs_f64(), case.name());
+                failed.push(case.name());
+            }
+        }
+    }
+    let [_, possible, likely, certain] = sure;
+    println!(
+        "{} tables in {:.0} s: certainly {certain}, likely {likely}, possibly {possible}; {} wrong",
+        all.len(),
+        begin.elapsed().as_secs_f64(),
+        failed.len()
+    );
+    assert!(failed.is_empty(), "{} of {} tables are not recognised", failed.len(), all.len());
+}
