@@ -1,8 +1,9 @@
 //! From hypotheses to words: what a person searches for, and the command that bakes the table as it should be.
 
+use super::hypothesis::{Data, Hypothesis};
 use super::ramp::{Place, Ramp};
-use super::search::{Data, Hypothesis};
-use super::{Confidence, Identification, Ranked, claimed};
+use super::rank::Ranked;
+use super::{Confidence, Identification, claimed};
 use crate::claim::{Claim, Curve, Encoding, model_words};
 use crate::error::Result;
 use crate::format::Grid;

@@ -168,9 +168,11 @@ pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
     };
     let falling = [Warp::Acos, Warp::SqrtOneMinus];
     let list: Vec<(P, Warp, (f64, f64))> = match nodes.parameter {
-        P::Mu => [Warp::Linear, Warp::Sqrt, Warp::SqrtOneMinus, Warp::Acos, Warp::Square, Warp::Cbrt, log(0.01)]
-            .map(|warp| (P::Mu, warp, unit))
-            .into(),
+        P::Mu => {
+            [Warp::Linear, Warp::Sqrt, Warp::SqrtOneMinus, Warp::Acos, Warp::Square, Warp::Cbrt, log(0.01), log(0.1)]
+                .map(|warp| (P::Mu, warp, unit))
+                .into()
+        }
         // The square of the roughness is alpha, whose root is the roughness.
         P::Roughness | P::Alpha => vec![
             (P::Roughness, Warp::Linear, unit),
