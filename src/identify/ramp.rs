@@ -65,16 +65,25 @@ impl Ramp {
         self.at(self.first + self.step * i as f64)
     }
 
-    /// The parameter at a part of the range.
+    /// The parameter at a part of the range; at the ends of the domain exactly these: a cosine of 6e-17 is not 0 where quantities are steep.
     pub fn at(&self, part: f64) -> f64 {
+        /// Parts of the range nearer than that to an end are the end: sums of steps are off by less.
+        const AT_THE_END: f64 = 1e-12;
         let ends = |(low, high)| {
             let (a, b) = (self.warp.forward(low), self.warp.forward(high));
-            if a < b { (a, b) } else { (b, a) }
+            if a < b { ([a, b], [low, high]) } else { ([b, a], [high, low]) }
         };
-        let ((a, b), (least, most)) = (ends(self.range), ends(self.domain));
-        let (low, high) = self.domain;
+        let (([a, b], _), ([least, most], [start, end])) = (ends(self.range), ends(self.domain));
         // Beyond the domain there is nothing: bakers clamp there.
-        let warped = (a + part * (b - a)).clamp(least, most);
+        let warped = a + part * (b - a);
+        let slack = AT_THE_END * (b - a);
+        if warped <= least + slack {
+            return start;
+        }
+        if warped >= most - slack {
+            return end;
+        }
+        let (low, high) = self.domain;
         self.warp.inverse(warped, self.range.0 < 1.0).clamp(low, high)
     }
 
@@ -90,13 +99,18 @@ impl Ramp {
         Self { first: low + 0.5 * step, step, ..self }
     }
 
-    /// How many numbers had to be fitted to say where the texels are.
-    pub fn n_fitted(&self) -> usize {
+    /// How many numbers it takes to say where the texels are, beyond where they are in a right table.
+    pub fn n_numbers(&self) -> usize {
         match self.place() {
-            Some(_) => 0,
-            None if self.shift().is_some() => 1,
+            Some(Place::Centre(0.0) | Place::Edge(0.0)) => 0,
+            Some(_) => 1,
             None => 2,
         }
+    }
+
+    /// Whether they are displaced by a part of a texel that nobody would choose.
+    pub fn is_oddly_shifted(&self) -> bool {
+        self.place().is_none() && self.shift().is_some()
     }
 
     /// Whether neither the whole of a known range nor a shift of it is what the texels cover.

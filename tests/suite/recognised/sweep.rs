@@ -1,7 +1,8 @@
 //! The whole matrix: every named table and model × size × warp × flip × sampling × order of the axes × kind of file, every pair of choices.
 //!
 //! `KILN_SWEEP=all cargo test --test suite recognised::sweep -- --nocapture` runs all of it, which takes tens of minutes;
-//! `KILN_SWEEP=1`, `2` or `3` the tables over so many axes, and `KILN_SWEEP=2:dfg` those whose names begin so. Without it the suite runs a
+//! `KILN_SWEEP=1`, `2` or `3` the tables over so many axes, `KILN_SWEEP=2:dfg` those whose names begin so, and `KILN_SWEEP=2:dfg:6` the sixth of
+//! these, with all that is found out. Without it the suite runs a
 //! choice in which every table, every warp of every axis, every sampling, flip and order, and every kind of file occurs.
 
 use super::pairs::{Row, covering};
@@ -320,6 +321,15 @@ impl Case {
         self.spec(self.kind.table.channels, &self.axes, self.kind.model)
     }
 
+    /// Everything that is found out of it.
+    fn found(&self) -> Identification {
+        let spec = self.wanted();
+        let values = spec.bake(&Integration::new(Settings::default()).unwrap(), &|_| {}).unwrap().values;
+        let size = [spec.width(), spec.height(), spec.depth()];
+        let (bytes, described, _) = self.written.file(size, spec.channels.len(), &values);
+        identify(&Grid::decode(&bytes, &described).unwrap(), &Options { cache: false }).unwrap()
+    }
+
     /// Writes the file, asks what it is and judges it as that; what is wrong with the answer, or how sure it was. Nothing where the table
     /// cannot be baked.
     pub fn judged(&self) -> Result<Option<Confidence>, String> {
@@ -446,14 +456,19 @@ fn matrix(n_axes: usize, only: &str) -> Vec<Case> {
 
 /// Runs the matrix if it is asked for: see the module.
 pub fn run(asked: &str) {
-    let (axes, only) = asked.split_once(':').unwrap_or((asked, ""));
+    let mut parts = asked.split(':');
+    let (axes, only) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+    let alone: Option<usize> = parts.next().map(|number| number.parse().expect("the number of a case"));
     let all: Vec<Case> = match axes {
         "all" => (1..=3).flat_map(|n| matrix(n, only)).collect(),
         n => matrix(n.parse().expect("KILN_SWEEP is all, 1, 2 or 3"), only),
     };
     let begin = std::time::Instant::now();
     let (mut failed, mut sure) = (vec![], [0; 4]);
-    for (i, case) in all.iter().enumerate() {
+    for (i, case) in all.iter().enumerate().filter(|(i, _)| alone.is_none_or(|alone| *i == alone)) {
+        if alone.is_some() {
+            println!("{:#?}", case.found());
+        }
         match case.judged() {
             Ok(None) => println!("cannot be baked: {}", case.name()),
             Ok(Some(confidence)) => {
