@@ -1,6 +1,6 @@
 //! What `kiln verify` and `kiln identify` say of environment chains that Kiln did not make.
 
-use super::console::{Console, columns, printable};
+use super::console::{Console, columns, name_of, printable};
 use clap::{Args, ValueEnum};
 use kiln::environment::kernel::KernelKind;
 use kiln::environment::{Panorama, Reading, load};
@@ -125,7 +125,7 @@ impl Judged {
 
     fn text(&self) -> String {
         let verdict = &self.verdict;
-        let mut text = format!("{}: {}\n", self.file.display(), self.claim());
+        let mut text = format!("{}: {}\n", name_of(&self.file), self.claim());
         let rows: Vec<Vec<String>> = verdict.levels.iter().enumerate().map(|(m, level)| row(m, level)).collect();
         text += &columns(&["level", "size", "roughness", "range", "rms", "max", "drift", "where"], &rows);
         for finding in &verdict.findings {

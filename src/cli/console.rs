@@ -67,6 +67,11 @@ pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
 }
 
+/// A file's name on one line: the next would look like Kiln's own.
+pub fn name_of(path: &Path) -> String {
+    printable(&path.display().to_string().replace('\n', "\u{fffd}"))
+}
+
 /// Rows under headings, columns aligned; numbers to the right.
 pub fn columns(headings: &[&str], rows: &[Vec<String>]) -> String {
     let width = |c: usize| {

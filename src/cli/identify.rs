@@ -1,7 +1,7 @@
 //! `kiln identify`: what a table or an environment chain holds.
 
 use super::chain::{ChainArgs, is_cube_file};
-use super::console::{Console, columns, printable};
+use super::console::{Console, columns, name_of, printable};
 use super::foreign::DescribedArgs;
 use clap::Args;
 use kiln::format::Grid;
@@ -44,14 +44,15 @@ impl Identify {
                         value["path"] = name.into();
                         found.push(value);
                     } else {
-                        console.print(&printable(&text(&name, &one)))?;
+                        console.print(&printable(&text(&name_of(path), &one)))?;
                     }
                 }
                 Err(error) => {
-                    if first_error.is_some() || self.files.len() > 1 {
-                        console.error(&error);
+                    // The first is the command's own; it is printed last.
+                    match &first_error {
+                        Some(_) => console.error(&error),
+                        None => first_error = Some(error),
                     }
-                    first_error.get_or_insert(error);
                 }
             }
         }

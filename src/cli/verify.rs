@@ -1,7 +1,7 @@
 //! `kiln verify`: whether files hold what they claim, or what they are said to.
 
 use super::chain::ChainArgs;
-use super::console::{Console, columns, printable};
+use super::console::{Console, columns, name_of, printable};
 use super::foreign::{DescribedArgs, SaidArgs};
 use clap::Args;
 use kiln::check::Check;
@@ -45,7 +45,7 @@ impl Verify {
         }
         if self.chain.source.is_some() {
             let reports = self.chain.run(&self.files, self.max_error, console)?;
-            return self.conclude(&reports, vec![]);
+            return self.conclude(&reports, vec![], console);
         }
         let options = Options {
             full: self.full,
@@ -67,32 +67,29 @@ impl Verify {
                     }
                     reports.push(report);
                 }
-                Err(error) => {
-                    if paths.len() > 1 {
-                        console.error(&error);
-                    }
-                    errors.push((path.clone(), error));
-                }
+                Err(error) => errors.push((path.clone(), error)),
             }
         }
         if console.json {
             console.print_json(&reports)?;
         }
-        self.conclude(&reports, errors)
+        self.conclude(&reports, errors, console)
     }
 
     /// Writes the JUnit report; what failed, or could not be judged, is the error.
-    fn conclude(&self, reports: &[Report], errors: Vec<(PathBuf, Error)>) -> Result<()> {
+    fn conclude(&self, reports: &[Report], errors: Vec<(PathBuf, Error)>, console: &Console) -> Result<()> {
         if let Some(path) = &self.junit {
             atomic::write(path, junit::xml(reports, &errors).as_bytes())?;
         }
         let failed = reports.iter().map(Report::failures).sum();
         let total = reports.iter().map(|r| r.checks.len()).sum();
-        match errors.into_iter().next() {
-            _ if failed > 0 => Err(Error::Verification { failed, total }),
-            Some((_, error)) => Err(error),
-            None => Ok(()),
+        // The command's own error is printed last, and once.
+        let mut errors: Vec<Error> = errors.into_iter().map(|(_, error)| error).collect();
+        if failed > 0 {
+            errors.insert(0, Error::Verification { failed, total });
         }
+        errors.iter().skip(1).for_each(|error| console.error(error));
+        errors.into_iter().next().map_or(Ok(()), Err)
     }
 }
 
@@ -106,7 +103,7 @@ fn text(report: &Report) -> String {
         vec![verdict.to_owned(), c.name.clone(), c.subject.clone(), number(c.figure), number(c.limit), c.detail.clone()]
     };
     let rows: Vec<_> = report.checks.iter().map(row).collect();
-    let mut text = format!("{}: {}\n", report.file.display(), report.claim);
+    let mut text = format!("{}: {}\n", name_of(&report.file), report.claim);
     if !report.channels.is_empty() {
         text += &errors(&report.channels);
     }

@@ -98,7 +98,7 @@ pub fn judge(path: &Path, grid: &Grid, claim: Option<Claim>, options: &Options) 
             claim
         }
         None => {
-            let found = identify::identify(grid, &options.identify)?;
+            let found = identify::identify(grid, &options.identify).map_err(|e| e.in_file(path))?;
             if found.claim.channels.is_empty() {
                 return Err(Error::unsupported(
                     format!("{}, and what it holds is unknown", grid.summary()),

@@ -106,7 +106,8 @@ impl Grid {
     }
 
     pub(super) fn of_other(bytes: &[u8], kind: &'static str, described: &Described) -> Result<Self> {
-        let looks_like_text = kind == "a text file" || !bytes.iter().take(4096).any(|&b| b == 0);
+        let is_unknown = kind == "a file of an unknown kind";
+        let looks_like_text = kind == "a text file" || (is_unknown && !bytes.iter().take(4096).any(|&b| b == 0));
         if described.number.is_none()
             && (looks_like_text || described.array.is_some())
             && let Ok(text) = std::str::from_utf8(bytes)
@@ -117,7 +118,7 @@ impl Grid {
             }
             return Self::of_array(literals::choose(text, described.array.as_deref())?, described);
         }
-        if kind != "a file of an unknown kind" && described.number.is_none() {
+        if !is_unknown && described.number.is_none() {
             return Err(Error::unsupported(
                 format!("{kind}, which Kiln does not read"),
                 "give a KTX2, KTX, DDS, EXR, HDR, PNG or NPY file, source text, or the bare numbers with --shape",
