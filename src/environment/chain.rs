@@ -17,7 +17,7 @@ use super::panorama::Panorama;
 use super::seamless::Probe;
 use super::sphere_map::{SphereLayout, SphereMap};
 use super::view_lobe::{View, ViewLobe, ViewMonteCarlo};
-use super::zonal::{InstructionSet, Zonal};
+use super::zonal::{Function, InstructionSet, Zonal};
 use crate::error::{Error, Result};
 use crate::integrate::Integrator;
 use crate::math::fit::Fit;
@@ -363,6 +363,14 @@ impl<'a> Filter<'a> {
         Chain { levels, reports }
     }
 
+    /// What a level is probed by, or fitted to, if it is to be and there is anything: a lobe that is seen at an angle is no zonal function.
+    fn truth_of(&self, kernel: &Kernel) -> Option<Function<'_>> {
+        let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
+        let at_an_angle = self.view.is_some() && kernel.kind() == KernelKind::G1;
+        let wanted = (self.probe || self.fit == Fit::Lookup) && !at_an_angle;
+        zonal.filter(|_| wanted).map(|zonal| zonal.function(kernel)).filter(|function| function.degree > 0)
+    }
+
     /// A level; without a kernel, of a mirror.
     pub(super) fn level(
         &self,
@@ -372,17 +380,7 @@ impl<'a> Filter<'a> {
         finished: &(dyn Fn(u64) + Sync),
     ) -> (Cube, LevelReport) {
         let (cube, report) = self.exact_level(size, roughness, kernel, finished);
-        let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
-        // A lobe that is seen at an angle is no zonal function.
-        let wanted = |kernel: &Kernel| {
-            let at_an_angle = self.view.is_some() && kernel.kind() == KernelKind::G1;
-            (self.probe || self.fit == Fit::Lookup) && !at_an_angle
-        };
-        let (Some(zonal), Some(kernel)) = (zonal, kernel.filter(wanted)) else { return (cube, report) };
-        let function = zonal.function(&kernel);
-        if function.degree == 0 {
-            return (cube, report);
-        }
+        let Some(function) = kernel.and_then(|kernel| self.truth_of(&kernel)) else { return (cube, report) };
         let probe = Probe::new(&function, &cube, self.panorama.mean(), self.seed);
         if self.fit == Fit::None {
             return (cube, LevelReport { probe: Some(probe), ..report });
@@ -414,15 +412,7 @@ impl<'a> Filter<'a> {
             return Ok((map, report));
         };
         let (map, report) = self.exact_map(spec, size, roughness, kernel, finished);
-        let zonal = if let Witness::Zonal(zonal) = &self.witness { Some(zonal) } else { self.truth.as_ref() };
-        let at_an_angle = self.view.is_some() && kernel.kind() == KernelKind::G1;
-        let wanted = (self.probe || self.fit == Fit::Lookup) && !at_an_angle;
-        let Some(function) = zonal.filter(|_| wanted).map(|zonal| zonal.function(&kernel)) else {
-            return Ok((map, report));
-        };
-        if function.degree == 0 {
-            return Ok((map, report));
-        }
+        let Some(function) = self.truth_of(&kernel) else { return Ok((map, report)) };
         let probe = Probe::of_map(&function, &map, orientation, self.panorama.mean(), self.seed);
         if self.fit == Fit::None {
             return Ok((map, LevelReport { probe: Some(probe), ..report }));
