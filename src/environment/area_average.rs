@@ -295,6 +295,8 @@ impl Map<'_> {
                         for (&left, &up) in left.iter().flat_map(|left| signs.iter().map(move |up| (left, up))) {
                             self.add(runs, areas, images_of(left, up), &mut sums);
                         }
+                        // (Known to be unused, the fourth number would be left out, and with it the use of vectors of four.)
+                        let sums = std::hint::black_box(sums);
                         let angle = held.angle * (left.len() * signs.len()) as f64;
                         for (face, sum) in faces.iter().zip(sums) {
                             let average = |c: usize| ((self.mean[c] + sum[c] / angle) as f32).clamp(low[c], high[c]);
