@@ -118,8 +118,9 @@ fn with_round_offset(ramp: Ramp) -> Vec<(usize, Ramp)> {
     };
     let few = [1, 2].into_iter().enumerate().filter_map(|(rank, digits)| Some((rank, rounded(digits)?)));
     let mut all: Vec<(usize, Ramp)> = few.collect();
-    // As it was fitted: only if nothing simple will do.
-    all.push((if all.is_empty() { 0 } else { NOT_SIMPLE }, ramp));
+    // As it was fitted, to four digits: only if nothing simple will do.
+    let rank = if all.is_empty() { 0 } else { NOT_SIMPLE };
+    all.push((rank, rounded(4).unwrap_or(ramp)));
     all
 }
 
