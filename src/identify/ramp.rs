@@ -101,11 +101,14 @@ impl Ramp {
 
     /// How many numbers it takes to say where the texels are, beyond where they are in a right table.
     pub fn n_numbers(&self) -> usize {
-        match self.place() {
+        let of_place = match self.place() {
             Some(Place::Centre(0.0) | Place::Edge(0.0)) => 0,
             Some(_) => 1,
             None => 2,
-        }
+        };
+        // Nobody chooses 0.0587.
+        let is_odd = |offset: f64| format!("{offset:.0e}").parse() != Ok(offset);
+        of_place + usize::from(matches!(self.warp, Warp::Log { offset } if is_odd(offset)))
     }
 
     /// Whether they are displaced by a part of a texel that nobody would choose.
@@ -203,7 +206,8 @@ pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
             (P::Alpha, Warp::SqrtOneMinus, unit),
         ],
         P::Eta if domain.0 >= 1.0 => {
-            [vec![(P::Eta, Warp::F0FourthRoot, any)], over(P::Eta, (1.0, 3.0), &[log(0.0)])].concat()
+            let roots = [any, (1.0, 3.0)].map(|range| (P::Eta, Warp::F0FourthRoot, range));
+            [roots.to_vec(), over(P::Eta, (1.0, 3.0), &[log(0.0)])].concat()
         }
         P::Eta => [vec![(P::Eta, Warp::F0FourthRoot, any)], over(P::Eta, unit, &falling)].concat(),
         P::N => over(P::N, (0.1, 4.0), &[log(0.0)]),

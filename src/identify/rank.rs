@@ -160,10 +160,9 @@ fn is_open(fitted: &[(Hypothesis, f64)], data: &Data) -> Result<bool> {
     let Some((best, cost)) = fitted.first() else { return Ok(true) };
     let left = best.relative(data);
     if left <= GOOD {
-        // Where rounding is coarse, a few numbers more explain a good deal: something simpler may explain all of it.
-        let is_simple = best.complexity()[0] == 0;
+        // Where rounding is coarse, much comes as near as that: what every texel is the correct rounding of may be found yet.
         let is_coarse = data.rounding > COARSE * data.spread;
-        return Ok(is_coarse && !is_simple && !judged(best.clone(), *cost, data)?.is_exact());
+        return Ok(is_coarse && !judged(best.clone(), *cost, data)?.is_exact());
     }
     if left.is_nan() || left >= HOPELESS {
         return Ok(false);

@@ -102,14 +102,17 @@ pub fn search(
         })
         .collect();
     // Half a texel is found by fitting, unless texels are few.
-    let both = sizes.len() < 3 && sizes.iter().all(|&size| size < 16);
+    let both = |size: usize| sizes.len() < 3 && size < 16;
     // `some`: of each dimension only so many ramps.
     let try_jobs = |some: usize, limits: &[f64]| -> Vec<(usize, f64, Hypothesis)> {
         jobs.par_iter()
             .flat_map_iter(|job @ (master, varies, _)| {
                 let nodes = &master.definition.nodes;
-                let mut ramps: Vec<Vec<Ramp>> =
-                    varies.iter().zip(sizes).map(|(&p, &size)| variants(&nodes[p], size, both, arrangement)).collect();
+                let mut ramps: Vec<Vec<Ramp>> = varies
+                    .iter()
+                    .zip(sizes)
+                    .map(|(&p, &size)| variants(&nodes[p], size, both(size), arrangement))
+                    .collect();
                 ramps.iter_mut().for_each(|ramps| ramps.truncate(some));
                 try_all(job, &ramps, &choice, &values, channels, limits)
             })

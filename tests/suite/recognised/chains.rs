@@ -147,10 +147,10 @@ pub fn run() {
     for recipe in &recipes {
         let wrong = judged(recipe, &source);
         if !wrong.is_empty() {
-            println!("WRONG: {}: {}", name(recipe), wrong.join("; "));
+            eprintln!("WRONG: {}: {}", name(recipe), wrong.join("; "));
             failed += 1;
         }
     }
-    println!("{} chains in {:.0} s; {failed} wrong", recipes.len(), begin.elapsed().as_secs_f64());
+    eprintln!("{} chains in {:.0} s; {failed} wrong", recipes.len(), begin.elapsed().as_secs_f64());
     assert_eq!(failed, 0, "so many of {} chains are not recognised", recipes.len());
 }

@@ -1,9 +1,9 @@
 //! The whole matrix: every named table and model × size × warp × sampling × flip × order of the axes × kind of file, every pair of choices.
 //!
 //! `KILN_SWEEP=all cargo test --test suite recognised:: -- --nocapture` runs all of it, which takes the better part of an hour on two
-//! cores; `KILN_SWEEP=1`, `2` or `3` the tables over so many axes, `KILN_SWEEP=2:dfg` those of them whose names begin so, and
-//! `KILN_SWEEP=2:dfg:6` number 6 of these alone, with all that is found out. The suite itself runs `choices`: small tables in which every
-//! table and model, every size, warp and kind of file occurs, and every pair of samplings, flips and orders.
+//! cores; `KILN_SWEEP=choices` small tables in which every table and model, every size, warp and kind of file occurs, and every pair of
+//! samplings, flips and orders; `KILN_SWEEP=1`, `2` or `3` all pairs of the tables over so many axes, `KILN_SWEEP=2:dfg` those of them whose
+//! names begin so, and `KILN_SWEEP=2:dfg:6` number 6 of these alone, with all that is found out.
 
 use super::pairs::{Row, covering};
 use kiln::claim::{Claim, Encoding, Said};
@@ -185,7 +185,8 @@ impl Written {
             _ => false,
         };
         let fits = match self {
-            Self::Numbers(container, _) => container.has_any_channels() || n <= 4,
+            // Channels without names are letters, which OpenEXR sorts: beyond four nobody knows which is which.
+            Self::Numbers(container, _) => (container.has_any_channels() && container != Container::Exr) || n <= 4,
             Self::Coded(_) => n <= 3,
             _ => true,
         };
@@ -399,6 +400,11 @@ impl Case {
         if claim.to_string() == wanted {
             return Ok(());
         }
+        // Values of Monte Carlo are the same within their errors only: what the answer itself calls the same.
+        let is_called_the_same = found.channels.iter().all(|c| c.quantity.is_none() || !c.same.is_empty());
+        if self.kind.is_random() && is_called_the_same {
+            return Ok(());
+        }
         let wrong = || format!("{:?}: taken for {}, where it is {wanted}", found.confidence, found.claim);
         // What is claimed instead, written as the file was: nobody can tell it from the file if it is the same.
         let mut again = values.to_vec();
@@ -491,11 +497,6 @@ fn matrix(n_axes: usize, only: &str, extent: Extent) -> Vec<Case> {
     covering(&factors, &admits, &is_wanted).iter().filter_map(case).collect()
 }
 
-/// The part of the matrix that the suite runs.
-pub fn choices(n_axes: usize) -> Vec<Case> {
-    matrix(n_axes, "", Extent::Choices)
-}
-
 /// Runs as much of the matrix as is asked for: see the module.
 pub fn run(asked: &str) {
     let mut parts = asked.split(':');
@@ -507,7 +508,7 @@ pub fn run(asked: &str) {
         n => matrix(n.parse().expect("KILN_SWEEP is all, choices, 1, 2 or 3"), only, Extent::Pairs),
     };
     if let Some(alone) = alone {
-        println!("{:#?}", all[alone].found());
+        eprintln!("{:#?}", all[alone].found());
     }
     check(
         &all.iter()
@@ -526,24 +527,24 @@ pub fn check(cases: &[Case]) {
         let own = std::time::Instant::now();
         let name = case.name();
         match case.judged() {
-            Ok(None) => println!("{i}: cannot be baked: {name}"),
+            Ok(None) => eprintln!("{i}: cannot be baked: {name}"),
             Ok(Some(confidence)) => {
                 sure[confidence as usize] += 1;
                 if confidence < Confidence::Likely {
-                    println!("{i}: possibly: {name}");
+                    eprintln!("{i}: possibly: {name}");
                 }
             }
             Err(error) => {
-                println!("{i}: WRONG: {name}: {error}");
+                eprintln!("{i}: WRONG: {name}: {error}");
                 failed += 1;
             }
         }
         if own.elapsed().as_secs_f64() > 10.0 {
-            println!("{i}: {:.0} s: {name}", own.elapsed().as_secs_f64());
+            eprintln!("{i}: {:.0} s: {name}", own.elapsed().as_secs_f64());
         }
     }
     let [_, possible, likely, certain] = sure;
-    println!(
+    eprintln!(
         "{} tables in {:.0} s: certainly {certain}, likely {likely}, possibly {possible}; {failed} wrong",
         cases.len(),
         begin.elapsed().as_secs_f64(),
