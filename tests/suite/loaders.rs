@@ -126,11 +126,11 @@ fn threejs_renders_what_kiln_bakes_for_it() {
         Scene { name: "mirror", cube: directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
         Scene { name: "probe", cube: probe, table: None, color: 1.0, metalness: 0.0, roughness: 1.0 },
         Scene { name: "rough", cube: directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.5 },
-        Scene { name: "own metal", cube: own_white, table: None, color: 1.0, metalness: 1.0, roughness: 0.6 },
-        Scene { name: "own mirror", cube: own_directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
-        Scene { name: "own room", cube: own_room, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
+        Scene { name: "own-metal", cube: own_white, table: None, color: 1.0, metalness: 1.0, roughness: 0.6 },
+        Scene { name: "own-mirror", cube: own_directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
+        Scene { name: "own-room", cube: own_room, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
         Scene { name: "room", cube: "room.ktx2", table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
-        Scene { name: "any blocks", cube: "any.ktx2", table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
+        Scene { name: "any-blocks", cube: "any.ktx2", table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
     ];
     let Some(rendered) = render(include_str!("support/threejs.js"), folder.path(), &scenes) else { return };
     for file in OWN.into_iter().chain(["any.ktx2"]) {
@@ -138,7 +138,7 @@ fn threejs_renders_what_kiln_bakes_for_it() {
     }
 
     // A white metal loses nothing, whatever table it uses; half floats and their sums.
-    for name in ["metal", "own metal"] {
+    for name in ["metal", "own-metal"] {
         for (normal, colour) in rendered.sphere(name).within(0.95) {
             for c in colour {
                 assert!((c - 1.0).abs() < 2e-3, "a white metal ({name}) in a white furnace at {normal:?}: {colour:?}");
@@ -162,7 +162,7 @@ fn threejs_renders_what_kiln_bakes_for_it() {
     // A room of letters and arrows, as the loader shows it and as Kiln decodes it: lookups are means of texels, which transcoding changed by so much
     // at most; half floats.
     let changed = transcoding(&texture(&std::fs::read(folder.path().join(own_room)).unwrap()));
-    let (room, own) = (rendered.sphere("room"), rendered.sphere("own room"));
+    let (room, own) = (rendered.sphere("room"), rendered.sphere("own-room"));
     for ((normal, wanted), (_, colour)) in room.within(0.9).zip(own.within(0.9)) {
         for c in 0..3 {
             let off = (colour[c] - wanted[c]).abs();
@@ -180,9 +180,9 @@ fn threejs_renders_what_kiln_bakes_for_it() {
         }
     }
     // Direction, level and filter: E of the reflection, and the rest as irradiance.
-    for (name, roughness) in [("mirror", 0.0), ("own mirror", 0.0), ("rough", 0.5)] {
+    for (name, roughness) in [("mirror", 0.0), ("own-mirror", 0.0), ("rough", 0.5)] {
         // In parts of the darkest value.
-        let packing = if name == "own mirror" { packing_error(folder.path(), own_directions) / 0.5 } else { 0.0 };
+        let packing = if name == "own-mirror" { packing_error(folder.path(), own_directions) / 0.5 } else { 0.0 };
         for (normal, colour) in rendered.sphere(name).within(0.8).step_by(37) {
             let [x, y, z] = normal;
             let q = roughness_in_threejs(roughness, normal);

@@ -75,9 +75,9 @@ pub(super) struct Fit {
 }
 
 /// How often end points are fitted to weights, and weights to them.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 2;
 /// Of the ways to store two colours, those that are judged by the texels: the ones nearest to the colours.
-const WAYS: usize = 3;
+const WAYS: usize = 2;
 
 impl<'a> Subset<'a> {
     /// Texels as the mode of that number has them.
