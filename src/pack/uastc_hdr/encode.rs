@@ -15,6 +15,9 @@ use std::sync::LazyLock;
 /// Levels of the weights that are tried for a single subset. With 12 and fewer the end points are as precise as they can be; 8 are kept as
 /// they are in BC6H; others have nothing of their own.
 const SINGLE_LEVELS: [usize; 3] = [16, 12, 8];
+/// What a block of one subset is off by where two subsets gain nothing: 24 of the 2048 that are a doubling, root mean square, which is 0.8 %. Measured
+/// on four panoramas: no level's error changed in its third digit, and a quarter of the time was saved.
+const GOOD: f32 = (3 * TEXELS) as f32 * 24.0 * 24.0;
 /// Patterns of two subsets that are tried with each kind of end points. Four instead of two bring 1 % in ASTC and in BC6H, for twice the time.
 const BEST_PATTERNS: usize = 2;
 /// A subset that is so many times as far off as the best block so far is no longer looked at.
@@ -40,7 +43,8 @@ pub(super) fn encode(colours: &[[f64; 3]; TEXELS]) -> Block {
             found.extend(fitted(i, 0, &texels, f32::INFINITY));
         }
     }
-    for kind in Kind::ALL {
+    let kinds = if least(&found) < GOOD { &[][..] } else { &Kind::ALL };
+    for &kind in kinds {
         for pattern in patterns(&texels, kind, least(&found)) {
             for (i, _) in MODES.iter().enumerate().filter(|(_, mode)| mode.subsets == 2 && mode.kind == kind) {
                 let hopeless = HOPELESS * least(&found);
