@@ -746,6 +746,8 @@ fn what_an_unsigned_packing_has_no_room_for_is_refused_or_counted() {
                 let found = decoded.values()[3 * 5 + channel];
                 // Blocks and shared factors spread what is beside; a clamped value itself is the end of the range.
                 let slack: f64 = if ["ktx2:bc6h", "ktx2:uastc-hdr"].contains(&name) { 0.02 } else { 0.0 };
+                // Beside a value of 0.5 the largest that seven bits of a logarithm hold.
+                let largest = if name == "ktx2:uastc-hdr" { 55296.0 } else { largest };
                 match stored {
                     Some(wanted) => assert!((found - wanted).abs() <= slack.max(1e-12), "{name} {value}: {found}"),
                     None => {

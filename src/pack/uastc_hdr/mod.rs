@@ -6,8 +6,9 @@
 //!   of ASTC, by a decoder of our own. There is no step: what a texel can be depends on its fifteen neighbours.
 //! - **A block of one colour** holds the nearest halves of it, in ASTC and in BC6H: white stays white.
 //! - **Negatives**: stored as 0 and counted.
-//! - **Overflow**: values beyond 65504 are stored as that and counted. Of several colours none is beyond 65216, which is 0.4 % less; that is
-//!   error, not overflow.
+//! - **Overflow**: values beyond 65504 are stored as that and counted. Of several colours none is beyond 65216, which is 0.4 % less; and where one
+//!   is thousands of times another, end points have eight bits, which end at 60416, or in blue seven, which end at 55296. That is error, not
+//!   overflow.
 //! - **NaN, infinity**: counted; NaN and −∞ are stored as 0, +∞ as 65504.
 //! - **Sizes** that are no multiple of 4: see [`blocks`].
 //! - **Read**: the 24 modes that the subset has. Any other block is NaN, as ASTC has it of what is no block.
