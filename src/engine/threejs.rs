@@ -36,8 +36,8 @@ pub(super) static THREEJS: Engine = Engine {
     warnings: &[
         "its own 16 x 16 table is 0.7 % low where it was checked: too few samples; the right one is baked",
         "KTX2Loader takes UASTC HDR alone, and shows every other KTX2 cube black without a word",
-        "where the machine has no ASTC HDR, as few desktops have, its transcoder makes BC6H of the cube, which is off by a little more \
-         than --format dds:bc6h is; DDSLoader takes that, and machines without BC6H do not",
+        "where the machine has no ASTC HDR, the loader makes BC6H of the cube, which is off by a fifth more than --format dds:bc6h is; DDSLoader \
+         takes that, and machines without BC6H do not",
     ],
     missing: &["ltc_1, ltc_2: linearly transformed cosines"],
     usage: "KTX2Loader after detectSupport(renderer); then isPMREMTexture = true and scene.environment = it. With --format dds:bc6h \
