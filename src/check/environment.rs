@@ -6,7 +6,7 @@ use crate::environment::{
     CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, SphereLayout, SphereMap, View, ViewLobe,
 };
 use crate::model::alpha_of_roughness;
-use crate::pack::{TexelFormat, bc6h};
+use crate::pack::{TexelFormat, blocks};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -214,8 +214,8 @@ impl EnvironmentValues<'_> {
     /// The block of a texel, face after face.
     fn block(&self, level: &CubeLevel, texel: usize) -> usize {
         let ([width, height], _) = self.layout.shape(level.size);
-        let per_face = width.div_ceil(bc6h::BLOCK) * height.div_ceil(bc6h::BLOCK);
-        texel / (width * height) * per_face + bc6h::block_of(width, texel % (width * height))
+        let per_face = width.div_ceil(blocks::SIDE) * height.div_ceil(blocks::SIDE);
+        texel / (width * height) * per_face + blocks::block_of(width, texel % (width * height))
     }
 
     /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
@@ -239,8 +239,8 @@ impl EnvironmentValues<'_> {
     fn brightest_of_blocks(&self, level: &CubeLevel) -> Option<Vec<f64>> {
         let ([width, height], _) = self.layout.shape(level.size);
         let faces = level.texels.chunks_exact(width * height);
-        let of_face = |face: &[[f32; 3]]| bc6h::brightest_of_blocks(width, height, face.as_flattened());
-        (self.precision.format() == Some(TexelFormat::Bc6h)).then(|| faces.flat_map(of_face).collect())
+        let of_face = |face: &[[f32; 3]]| blocks::brightest(width, height, face.as_flattened());
+        self.precision.format().is_some_and(TexelFormat::is_in_blocks).then(|| faces.flat_map(of_face).collect())
     }
 
     /// A level seen at an angle, against the sum over the panorama's texels at some of its own: a sum that takes long and knows the

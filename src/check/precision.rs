@@ -9,7 +9,7 @@ pub struct Precision {
     format: Option<TexelFormat>,
     /// The largest value of any texel.
     brightest: f64,
-    /// Of BC6H, what a value may be off by, in parts of the brightest of its block.
+    /// Of texels in blocks, what a value may be off by, in parts of the brightest of its block.
     block_error: f64,
 }
 

@@ -54,7 +54,7 @@ const R11F_G11F_B10F: u32 = 0x8c3a;
 const UNSIGNED_INT_10F_11F_11F_REV: u32 = 0x8c3b;
 
 fn gl(format: TexelFormat) -> Result<Gl> {
-    use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp};
+    use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp, UastcHdr};
     let (kind, type_size, layout, internal, base) = match format {
         Plain { channels: channels @ 1..=4, number } => {
             let layout = [RED, RG, RGB, RGBA][channels - 1];
@@ -70,7 +70,7 @@ fn gl(format: TexelFormat) -> Result<Gl> {
         Rgb9e5 => (UNSIGNED_INT_5_9_9_9_REV, 4, RGB, 0x8c3d, RGB),
         B10g11r11 => (R11F_G11F_B10F, 4, RGB, R11F_G11F_B10F, RGB),
         Bc6h => (0, 1, 0, 0x8e8f, RGB),
-        Rgbe | Plain { .. } => {
+        UastcHdr | Rgbe | Plain { .. } => {
             return Err(Error::usage(
                 format!("KTX 1 has no texel format {format}"),
                 format!("use one of {}", TexelFormat::names()),
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn every_kind_of_texture_is_read_again() {
-        for format in TexelFormat::ALL.into_iter().filter(|&f| f != TexelFormat::Rgbe) {
+        for format in TexelFormat::ALL.into_iter().filter(|&f| gl(f).is_ok()) {
             let kinds = [
                 levels(Texture::empty_cube(format, 5), 3),
                 levels(Texture { depth: 3, ..Texture::empty(format, 5, 2) }, 2),

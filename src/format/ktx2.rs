@@ -4,6 +4,8 @@
 //!   Zstandard and not aligned; a basic data format descriptor (linear, straight alpha); the pair `KTXwriter` always, and metadata as
 //!   NUL-terminated UTF-8, all sorted by key.
 //! - **Codes of four bytes** (RGBM, RGBP, RGBD) are R8G8B8A8_UNORM to the format; the key `kiln.packing` says what they stand for.
+//! - **UASTC HDR 4x4** is ASTC_4x4_SFLOAT_BLOCK to Vulkan, with a colour model of its own; ASTC that does not bear that is refused, as it may hold
+//!   blocks that the subset has not.
 //! - **Colour**: the descriptor names the primaries; those that it has no name for stand under the key `kiln.primaries`, x and y of
 //!   red, green, blue and white.
 //! - **Read**: the same. Other supercompression and other formats are refused; sizes are checked against the length of the file before
@@ -21,8 +23,8 @@ use super::Texture;
 use crate::colour::Primaries;
 use crate::error::{Error, Result};
 use crate::pack::{Number, TexelFormat};
-use ::ktx2::dfd::{Basic, Block};
-use ::ktx2::{Format, Header, Index, LevelIndex, SupercompressionScheme};
+use ::ktx2::dfd::{Basic, Block, ChannelTypeQualifiers};
+use ::ktx2::{ColorModel, Format, Header, Index, LevelIndex, SupercompressionScheme};
 use std::borrow::Cow;
 
 /// What every KTX2 file begins with.
@@ -33,6 +35,9 @@ const WRITER_KEY: &str = "KTXwriter";
 
 /// The key of what codes of four bytes stand for.
 pub(super) const PACKING_KEY: &str = "kiln.packing";
+
+/// The colour model of UASTC HDR 4x4. Its texels are ASTC's to Vulkan; this tells readers that a transcoder takes them.
+const UASTC_HDR_MODEL: u8 = 167;
 
 /// How hard Zstandard tries. Measured on half-float and RGB9E5 environments and a DFG of 60 KB to 1 MB: at 9 the levels are 6 to 19 % larger, and done in
 /// a twentieth of the time (which at 19 is 0.6 s a megabyte); at 22 they are the same to the byte.
@@ -130,6 +135,14 @@ fn descriptor(format: TexelFormat, vk: Format, primaries: Primaries) -> Result<(
         Error::unsupported(format!("KTX2 cannot describe the texel format {format}: {error:?}"), "use another format")
     })?;
     basic.color_primaries = primaries::name(primaries);
+    if format == TexelFormat::UastcHdr {
+        basic.color_model = ColorModel::new(UASTC_HDR_MODEL);
+        for sample in &mut basic.sample_information {
+            // As Basis Universal writes it: nothing is below zero.
+            sample.channel_type_qualifiers = ChannelTypeQualifiers::FLOAT;
+            sample.lower = 0;
+        }
+    }
     let block = Block::Basic(basic).to_vec();
     let total = to_u32(block.len() + 4)?;
     Ok(([&total.to_le_bytes()[..], &block].concat(), type_size))
@@ -174,7 +187,7 @@ fn key_values(metadata: &[(String, String)]) -> Result<Vec<u8>> {
 /// **Errors**: RGBE, and more than four channels: they have none.
 fn vk_format(format: TexelFormat) -> Result<Format> {
     use Number::{F16, F32, Unorm8, Unorm16};
-    use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp};
+    use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp, UastcHdr};
     Ok(match format {
         Plain { channels: 1, number: F16 } => Format::R16_SFLOAT,
         Plain { channels: 2, number: F16 } => Format::R16G16_SFLOAT,
@@ -195,6 +208,7 @@ fn vk_format(format: TexelFormat) -> Result<Format> {
         Rgb9e5 => Format::E5B9G9R9_UFLOAT_PACK32,
         B10g11r11 => Format::B10G11R11_UFLOAT_PACK32,
         Bc6h => Format::BC6H_UFLOAT_BLOCK,
+        UastcHdr => Format::ASTC_4x4_SFLOAT_BLOCK,
         Rgbe | Plain { .. } => {
             return Err(Error::usage(
                 format!("KTX2 has no texel format {format}"),

@@ -7,7 +7,7 @@
 //! [`decode`] takes the bytes of whatever Kiln writes or reads and gives a [`Decoded`]. Its values come as f32 per channel, whatever is stored
 //! ([`Decoded::values`], [`Texture::face`]), and its texel format says what one step of the packing is there:
 //! [`TexelFormat::ulp`](crate::pack::TexelFormat::ulp) where each channel is rounded on its own,
-//! [`TexelFormat::step`](crate::pack::TexelFormat::step) where it depends on the texel's largest channel, nothing for BC6H.
+//! [`TexelFormat::step`](crate::pack::TexelFormat::step) where it depends on the texel's largest channel, nothing for texels in blocks.
 //!
 //! # Writing any file
 //!

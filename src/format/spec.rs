@@ -166,13 +166,15 @@ impl Container {
 
     /// What it can hold, the usual one first.
     pub fn packings(self) -> Vec<Packing> {
-        use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp};
+        use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp, UastcHdr};
         if self.has_any_channels() {
             return [Number::F32, Number::F16].map(Packing::Number).to_vec();
         }
         let holds = |format: &TexelFormat| match (self, *format) {
             (Self::Raw, _) | (Self::Hdr, Rgbe) | (Self::Env, Rgbd) => true,
             (Self::Hdr | Self::Env, _) | (_, Rgbe) => false,
+            // OpenGL and DXGI have no name for it.
+            (_, UastcHdr) => self == Self::Ktx2,
             // Grey and alpha are no two channels of a table: a shader would see (r, r, r, g).
             (Self::Png, Plain { channels, number }) => channels != 2 && !number.is_signed(),
             (Self::Png, other) => matches!(other, Rgbm | Rgbp | Rgbd),
@@ -465,6 +467,7 @@ mod tests {
             "ktx2:rg16f",
             "ktx2:rgba16f+zstd",
             "ktx2:bc6h",
+            "ktx2:uastc-hdr+zstd",
             "ktx1:b10g11r11",
             "dds:bc6h",
             "dds:rgba16f+legacy",

@@ -39,7 +39,7 @@ pub fn ulp(value: f64) -> f64 {
 /// it drops the low 32 bits of the mantissa. Going through f32 by *round to odd* is exact: an f32 has 13 bits more than a
 /// half, so every tie between halves is an f32 with an even last bit, and a value beside a tie becomes an f32 beside it, on
 /// the same side.
-fn nearest(value: f64) -> f16 {
+pub(super) fn nearest(value: f64) -> f16 {
     if value.is_nan() { f16::NAN } else { f16::from_f32(round_to_odd(value)) }
 }
 

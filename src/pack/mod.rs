@@ -8,12 +8,13 @@
 //! | a number per channel | [`binary16`], [`binary32`], [`unorm`], [`b10g11r11`] | [`TexelFormat::ulp`], whatever the other channels hold |
 //! | three mantissas, one exponent | [`rgb9e5`], [`rgbe`] | [`TexelFormat::step`], by the texel's largest channel |
 //! | three codes, one factor | [`rgbm`], [`rgbp`], [`rgbd`] | [`TexelFormat::step`], likewise |
-//! | blocks of 4 × 4 | [`bc6h`] | none: what a block can hold, its sixteen texels decide |
+//! | blocks of 4 × 4 | [`bc6h`], [`uastc_hdr`] | none: what a block can hold, its sixteen texels decide |
 
 pub mod b10g11r11;
 pub mod bc6h;
 pub mod binary16;
 pub mod binary32;
+pub mod blocks;
 mod factor;
 pub mod rgb9e5;
 pub mod rgbd;
@@ -22,6 +23,7 @@ pub mod rgbm;
 pub mod rgbp;
 mod texel;
 mod triple;
+pub mod uastc_hdr;
 pub mod unorm;
 
 pub use texel::TexelFormat;
@@ -58,7 +60,7 @@ pub struct PackReport {
     /// NaN and infinities (stored as they are by f16 and f32; elsewhere NaN as 0, infinity as the largest number; a baked table never
     /// has any).
     pub nonfinite: u64,
-    /// Of BC6H, the largest |unpacked − value| in parts of the brightest value of its block; 0 of every other format.
+    /// Of [`blocks`], the largest |unpacked − value| in parts of the brightest value of its block; 0 of every other format.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub max_block_error: f64,
 }

@@ -1,6 +1,6 @@
 //! The names of texel formats and what each does.
 
-use super::{Number, PackReport, b10g11r11, bc6h, rgb9e5, rgbd, rgbe, rgbm, rgbp};
+use super::{Number, PackReport, b10g11r11, bc6h, blocks, rgb9e5, rgbd, rgbe, rgbm, rgbp, uastc_hdr};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,8 @@ pub enum TexelFormat {
     B10g11r11,
     /// See [`bc6h`].
     Bc6h,
+    /// See [`uastc_hdr`].
+    UastcHdr,
     /// See [`rgbm`].
     Rgbm,
     /// See [`rgbp`].
@@ -36,11 +38,11 @@ pub enum TexelFormat {
     Rgbe,
 }
 
-use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp};
+use TexelFormat::{B10g11r11, Bc6h, Plain, Rgb9e5, Rgbd, Rgbe, Rgbm, Rgbp, UastcHdr};
 
 impl TexelFormat {
     /// Every texel format that has a name.
-    pub const ALL: [Self; 23] = {
+    pub const ALL: [Self; 24] = {
         use Number::{F16, F32, Unorm8, Unorm16};
         const fn of(channels: usize, number: Number) -> TexelFormat {
             Plain { channels, number }
@@ -65,6 +67,7 @@ impl TexelFormat {
             Rgb9e5,
             B10g11r11,
             Bc6h,
+            UastcHdr,
             Rgbm,
             Rgbp,
             Rgbd,
@@ -118,6 +121,7 @@ impl TexelFormat {
             Rgb9e5 => rgb9e5::MAX,
             B10g11r11 => b10g11r11::MAX[channel.min(2)],
             Bc6h => bc6h::MAX,
+            UastcHdr => uastc_hdr::MAX,
             Rgbm => rgbm::MAX,
             Rgbp => rgbp::MAX,
             Rgbd => rgbd::MAX,
@@ -135,7 +139,7 @@ impl TexelFormat {
     }
 
     /// The distance between the values that a channel can have at `value`, in a texel whose largest channel is `brightest`: rounding is off
-    /// by at most half of it. Nothing for [`bc6h`], where no such bound exists.
+    /// by at most half of it. Nothing where texels are packed in [`blocks`]: no such bound exists.
     pub fn step(self, channel: usize, value: f64, brightest: f64) -> Option<f64> {
         match self {
             Rgb9e5 => Some(rgb9e5::step(brightest)),
@@ -144,7 +148,7 @@ impl TexelFormat {
             Rgbp => Some(rgbp::step(value, brightest)),
             Rgbd => Some(rgbd::step(value, brightest)),
             Plain { .. } | B10g11r11 => self.ulp(channel, value),
-            Bc6h => None,
+            Bc6h | UastcHdr => None,
         }
     }
 
@@ -167,14 +171,22 @@ impl TexelFormat {
 
     /// Width and height of a block; 1 unless the format compresses.
     pub fn block(self) -> usize {
-        if self == Bc6h { bc6h::BLOCK } else { 1 }
+        match self {
+            Bc6h | UastcHdr => blocks::SIDE,
+            _ => 1,
+        }
+    }
+
+    /// Whether texels are packed in [`blocks`], where each is off by more or less as its neighbours want it.
+    pub fn is_in_blocks(self) -> bool {
+        self.block() > 1
     }
 
     /// Bytes that one block takes: of a format that does not compress, one texel.
     pub fn block_bytes(self) -> usize {
         match self {
             Plain { channels, number } => channels * number.bytes(),
-            Bc6h => bc6h::BLOCK_BYTES,
+            Bc6h | UastcHdr => blocks::BYTES,
             _ => 4,
         }
     }
@@ -191,7 +203,7 @@ impl TexelFormat {
     pub fn pack<T: Copy + Into<f64> + Sync>(self, width: usize, height: usize, values: &[T]) -> (Vec<u8>, PackReport) {
         let whole = width.saturating_mul(height).saturating_mul(self.channels()).max(1);
         let values = &values[..values.len() / whole * whole];
-        let size = if self == Bc6h { whole } else { PART * self.channels() };
+        let size = if self.is_in_blocks() { whole } else { PART * self.channels() };
         let part = |values: &[T]| match self {
             Plain { number, .. } => number.pack(values),
             Rgb9e5 => rgb9e5::pack(values),
@@ -201,6 +213,7 @@ impl TexelFormat {
             Rgbd => rgbd::pack(values),
             Rgbe => rgbe::pack(values),
             Bc6h => bc6h::pack(width, height, values),
+            UastcHdr => uastc_hdr::pack(width, height, values),
         };
         let parts: Vec<(Vec<u8>, PackReport)> = values.par_chunks(size).map(part).collect();
         let report = parts.iter().fold(PackReport::default(), |report, (_, found)| report.merge(*found));
@@ -212,7 +225,7 @@ impl TexelFormat {
         let Some(picture) = self.bytes(width, height).filter(|&n| n > 0) else { return vec![] };
         let bytes = &bytes[..bytes.len() / picture * picture];
         let texel = self.bytes(1, 1).unwrap_or(picture);
-        let size = if self == Bc6h { picture } else { PART * texel };
+        let size = if self.is_in_blocks() { picture } else { PART * texel };
         let part = |bytes: &[u8]| match self {
             Plain { number, .. } => number.unpack(bytes),
             Rgb9e5 => rgb9e5::unpack(bytes),
@@ -222,6 +235,7 @@ impl TexelFormat {
             Rgbd => rgbd::unpack(bytes),
             Rgbe => rgbe::unpack(bytes),
             Bc6h => bc6h::unpack(width, height, bytes),
+            UastcHdr => uastc_hdr::unpack(width, height, bytes),
         };
         joined(bytes.par_chunks(size).map(part).collect::<Vec<_>>().into_iter())
     }
@@ -254,6 +268,7 @@ impl fmt::Display for TexelFormat {
             Rgb9e5 => f.write_str("rgb9e5"),
             B10g11r11 => f.write_str("b10g11r11"),
             Bc6h => f.write_str("bc6h"),
+            UastcHdr => f.write_str("uastc-hdr"),
             Rgbm => f.write_str("rgbm"),
             Rgbp => f.write_str("rgbp"),
             Rgbd => f.write_str("rgbd"),
@@ -302,7 +317,7 @@ mod tests {
         assert_eq!(
             TexelFormat::names(),
             "r16f, rg16f, rgb16f, rgba16f, r32f, rg32f, rgb32f, rgba32f, r8unorm, rg8unorm, rgb8unorm, rgba8unorm, \
-             r16unorm, rg16unorm, rgb16unorm, rgba16unorm, rgb9e5, b10g11r11, bc6h, rgbm, rgbp, rgbd, rgbe"
+             r16unorm, rg16unorm, rgb16unorm, rgba16unorm, rgb9e5, b10g11r11, bc6h, uastc-hdr, rgbm, rgbp, rgbd, rgbe"
         );
         let bytes = |name: &str| name.parse::<TexelFormat>().unwrap().bytes(5, 3);
         assert_eq!(["rg16f", "rgba32f", "rgb8unorm", "rgb9e5", "bc6h"].map(bytes), [60, 240, 45, 60, 32].map(Some));

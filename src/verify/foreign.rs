@@ -219,10 +219,12 @@ fn judge_group(
     Ok(())
 }
 
-/// What a good encoder makes of the right values where all channels are compressed in blocks, of which no step tells what they may be off
-/// by.
+/// What our encoder makes of the right values where all channels are packed in blocks, of which no step tells what they may be off by.
 fn of_blocks(grid: &Grid, channels: &[&ClaimedChannel], right: &[f64]) -> Option<Vec<f32>> {
-    let format = TexelFormat::Bc6h;
+    let format = match grid.channels.first()?.stored {
+        Stored::Packed(format, _) if format.is_in_blocks() => format,
+        _ => return None,
+    };
     let is_compressed = |(c, channel): (usize, &&ClaimedChannel)| {
         let plain = channel.encoding == crate::claim::Encoding::PLAIN;
         plain && channel.index == c && grid.channels[c].stored == Stored::Packed(format, c)

@@ -30,7 +30,7 @@ fn sample(kind: &str, random: &mut Random) -> Vec<u8> {
             exr::encode(&image, [Number::F16, Number::F32][random.below(2)]).unwrap().0
         }
         "ktx1" | "dds" | "png" | "env" | "npy" | "source" | "zstd" => container_sample(kind, random),
-        "ktx2" => ktx2::encode(&cube(TexelFormat::ALL[random.below(22)], 1 << random.below(4))).unwrap(),
+        "ktx2" => ktx2::encode(&cube(TexelFormat::ALL[random.below(23)], 1 << random.below(4))).unwrap(),
         _ => match random.below(3) {
             0 => hdr_sample(),
             _ => {

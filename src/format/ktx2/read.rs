@@ -1,6 +1,6 @@
 //! Reading KTX2; what is read and what refused stands at the head of the parent module.
 
-use super::{MAGIC, descriptor, packing_of, primaries::primaries, vk_format};
+use super::{MAGIC, UASTC_HDR_MODEL, descriptor, packing_of, primaries::primaries, vk_format};
 use crate::error::{Error, Result};
 use crate::format::{Texture, memory};
 use crate::pack::TexelFormat;
@@ -25,6 +25,9 @@ pub fn decode(bytes: &[u8]) -> Result<Texture> {
         ..Texture::empty(format, header.pixel_width as usize, header.pixel_height as usize)
     };
     texture.primaries = primaries(&header, bytes, &mut texture.metadata)?;
+    if stored == TexelFormat::UastcHdr {
+        check_is_uastc(&header, bytes)?;
+    }
     let (_, type_size) = descriptor(stored, vk_format(stored)?, texture.primaries)?;
     // Writers of compressed levels do not agree on it.
     if !is_zstd && header.type_size != type_size {
@@ -123,6 +126,21 @@ fn check_kind(header: &Header, bytes: &[u8]) -> Result<(TexelFormat, bool)> {
             format!("convert it to one of {}", TexelFormat::names()),
         )
     })
+}
+
+/// ASTC that is not said to be UASTC HDR 4x4 may be anything that ASTC has.
+fn check_is_uastc(header: &Header, bytes: &[u8]) -> Result<()> {
+    /// Where the colour model stands in the descriptor: behind its length and the block's head.
+    const AT: usize = 12;
+    let index = &header.index;
+    let descriptor = section(bytes, index.dfd_byte_offset.into(), index.dfd_byte_length.into()).unwrap_or_default();
+    match descriptor.get(AT) {
+        Some(&UASTC_HDR_MODEL) => Ok(()),
+        _ => Err(Error::unsupported(
+            "the KTX2 holds ASTC of the HDR profile, of which Kiln reads the subset UASTC HDR 4x4 alone",
+            "export it as UASTC HDR 4x4, or without compression",
+        )),
+    }
 }
 
 fn metadata(header: &Header, bytes: &[u8]) -> Result<Vec<(String, String)>> {

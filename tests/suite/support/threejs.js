@@ -1,14 +1,40 @@
 // Spheres lit by environments that Kiln baked, rendered by three.js: radiance before tone mapping, as floats.
 //
-// scenes.json: [{ name, cube, size, color, metalness, roughness }], cubes being KTX2 files of half floats; or, of a matt sphere, an sh.json.
+// scenes.json: [{ name, cube, size, color, metalness, roughness }], cubes being KTX2 files of half floats or of UASTC HDR; or, of a matt sphere,
+// an sh.json. Of each file of UASTC HDR, FILE-halves and FILE-bc6h are what the loader's transcoder makes of it, level by level.
 import * as THREE from 'three';
 import { read } from 'three/addons/libs/ktx-parse.module.js';
+import { KTX2Loader } from 'three/addons/loaders/KTX2Loader.js';
 
 const renderer = new THREE.WebGLRenderer();
+const loader = new KTX2Loader().detectSupport(renderer);
+const loaded = {};
+
+// What the loader hands to the machine, as it is.
+async function own(file) {
+    if (loaded[file]) return loaded[file];
+    for (const [kind, bptcSupported, format] of [
+        ['halves', false, THREE.RGBAFormat],
+        ['bc6h', true, THREE.RGB_BPTC_UNSIGNED_Format],
+    ]) {
+        const apart = new KTX2Loader();
+        apart.workerConfig = { bptcSupported };
+        const texture = await apart.loadAsync('/' + file);
+        if (!texture.isCompressedCubeTexture || texture.format !== format) throw new Error(`${file}: no cube of ${kind}`);
+        const faces = texture.image;
+        const parts = faces[0].mipmaps.flatMap((_, level) => faces.map(({ mipmaps }) => mipmaps[level].data));
+        await post(file.replace('/', '-') + '-' + kind, new Blob(parts));
+        apart.dispose();
+    }
+    loaded[file] = await loader.loadAsync('/' + file);
+    loaded[file].isPMREMTexture = true;
+    return loaded[file];
+}
 
 // three.js' own KTX2 loader shows raw cubes black; handed over like this, it takes them.
 async function cube(file) {
-    const { levels, pixelWidth } = read(new Uint8Array(await bytes(file)));
+    const { levels, pixelWidth, dataFormatDescriptor } = read(new Uint8Array(await bytes(file)));
+    if (dataFormatDescriptor[0].colorModel === 167) return own(file);
     const faces = [0, 1, 2, 3, 4, 5].map((face) => {
         const mipmaps = levels.map(({ levelData }, level) => {
             const width = pixelWidth >> level;
