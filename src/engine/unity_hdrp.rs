@@ -38,6 +38,7 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &[
         "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader, BSDF.hlsl, ImageBasedLighting.hlsl",
