@@ -178,6 +178,8 @@ enum ShName {
     Threejs,
     /// PlayCanvas' ambientSH
     Playcanvas,
+    /// Unity's SphericalHarmonicsL2
+    Unity,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -304,6 +306,7 @@ impl Env {
             Some(ShName::Babylon) => ShConvention::Babylon,
             Some(ShName::Threejs) => ShConvention::Threejs,
             Some(ShName::Playcanvas) => ShConvention::Playcanvas,
+            Some(ShName::Unity) => ShConvention::Unity,
         };
         recipe.kernel = match self.kernel {
             None => recipe.kernel,

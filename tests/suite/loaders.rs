@@ -6,7 +6,9 @@
 use crate::support::directions::{directions, kept};
 use crate::support::kiln::succeed;
 use crate::support::{browser, tools};
+use kiln::format::{Image, exr};
 use kiln::integrate::{Integration, Settings};
+use kiln::pack::Number;
 use kiln::table::{Model, Parameter, Point, quantity};
 use std::collections::HashMap;
 use std::path::Path;
@@ -68,10 +70,23 @@ fn render(script: &str, folder: &Path, scenes: &[Scene]) -> Option<HashMap<Strin
     Some(results.iter().map(|(name, bytes)| (name.clone(), Sphere { pixels: browser::floats(bytes) })).collect())
 }
 
+/// `builtin:orientation`, as large as a sphere of so few pixels shows it.
+fn room() -> kiln::environment::Panorama {
+    kiln::environment::builtin("orientation", 256).unwrap()
+}
+
+/// Writes it as `orientation.exr`.
+fn write_room(folder: &Path) {
+    let room = room();
+    let texels = room.texels().as_flattened().to_vec();
+    let image = Image::new(room.width(), room.height(), &["R", "G", "B"], texels).unwrap();
+    std::fs::write(folder.join("orientation.exr"), exr::encode(&image, Number::F32).unwrap().0).unwrap();
+}
+
 /// Whether a mirror sphere shows `builtin:orientation` the way its labels read: what is seen at a normal is what lies in the direction of the
 /// world that `mirrored` says, and in no other that turns or mirrors of the axes make of it.
 fn assert_reads(sphere: &Sphere, mirrored: impl Fn([f64; 3]) -> [f64; 3]) {
-    let room = kiln::environment::builtin("orientation", 512).unwrap();
+    let room = room();
     let off = |turn: &dyn Fn([f64; 3]) -> [f64; 3]| {
         let (mut sum, mut n) = (0.0, 0);
         for (normal, colour) in sphere.within(0.9) {
@@ -201,13 +216,10 @@ fn babylonjs_renders_what_kiln_bakes_for_it() {
     }
     let folder = tempfile::tempdir().unwrap();
     directions(folder.path());
-    for (input, size) in [("directions.exr", "32"), ("builtin:white", "8")] {
+    write_room(folder.path());
+    for (input, size) in [("directions.exr", "32"), ("builtin:white", "8"), ("orientation.exr", "64")] {
         succeed(folder.path(), &["-q", "env", input, "--engine", "babylon", "--size", size, "--out", "baked"]);
     }
-    succeed(
-        folder.path(),
-        &["-q", "env", "builtin:orientation", "--engine", "babylon", "--size", "64", "--out", "baked"],
-    );
     let table = ["-q", "table", "dfg", "--engine", "babylon", "--size", "64", "-o", "environmentBRDF.png"];
     succeed(folder.path(), &table);
     let (white, directions, room) = ("baked/white.env", "baked/directions.env", "baked/orientation.env");
@@ -268,8 +280,8 @@ fn playcanvas_renders_what_kiln_bakes_for_it() {
     }
     let folder = tempfile::tempdir().unwrap();
     directions(folder.path());
-    for (input, out) in [("directions.exr", "directions"), ("builtin:white", "white"), ("builtin:orientation", "room")]
-    {
+    write_room(folder.path());
+    for (input, out) in [("directions.exr", "directions"), ("builtin:white", "white"), ("orientation.exr", "room")] {
         succeed(folder.path(), &["-q", "env", input, "--engine", "playcanvas", "--out", out]);
     }
     let (white, directions, room) =
@@ -345,7 +357,8 @@ fn filament_renders_what_kiln_bakes_for_it() {
     let folder = tempfile::tempdir().unwrap();
     directions(folder.path());
     // Its shader counts levels by what the file has: four from 128 to 16.
-    for input in ["directions.exr", "builtin:white", "builtin:orientation"] {
+    write_room(folder.path());
+    for input in ["directions.exr", "builtin:white", "orientation.exr"] {
         succeed(folder.path(), &["-q", "env", input, "--engine", "filament", "--size", "128", "--out", "baked"]);
     }
     let (white, directions, room) = ("baked/white_ibl.ktx", "baked/directions_ibl.ktx", "baked/orientation_ibl.ktx");
