@@ -104,9 +104,9 @@ impl Lookup<'_> {
     pub fn irradiance_tile(&self, texture: &str) -> Vec<Statement> {
         let tile = atlas::irradiance();
         let [column, row, size] = [tile.column, tile.row, tile.size].map(|n| literal(n as f64));
-        let find =
-            format!("{0}_tile(pass({texture}), {0}_coordinate(normal), vec2({column}, {row}), {size})", self.name);
-        vec![Statement::Return(find)]
+        let find = format!("{}_tile(pass({texture}), at, vec2({column}, {row}), {size})", self.name);
+        let at = format!("{}_coordinate(normal)", self.name);
+        vec![Statement::Let("at".to_owned(), Type::Vec2, at), Statement::Return(find)]
     }
 
     /// Of an atlas: the mirror at a level of its sizes, for who knows how far apart pixels look.
