@@ -1,17 +1,18 @@
-//! Mip 0 of a cube map: the exact average of the panorama over each texel's solid angle.
+//! Panorama to cube map by exact overlap areas.
 //!
-//! In φ and y = d.y area is preserved, so the integral of radiance over a texel is, by Green's theorem, ∮ P(φ, y) dφ
-//! around it, with P(φ, y) = ∫_y^1 L(φ, y′) dy′: each edge of the texel contributes the wedge between itself and the
-//! pole. P is linear in y within a panorama texel; where the edges cross those is known in `overlap.rs`.
-//! Meridians have dφ = 0 and contribute nothing. Each edge is integrated once for the two texels that share it, so no
-//! flux is lost or counted twice. The −Y face is the +Y face of the panorama mirrored in y.
+//! What a cube texel holds of each panorama texel follows from its edges ([`super::coverage`]); they are great circles, on which all is
+//! closed form ([`super::overlap`]). A quarter of one face beside the equator and a quarter of one at a pole are worked out; the others
+//! are their mirror images, because faces begin at quarters of a turn and rows mirror each other. All values are reduced by their mean
+//! first, so that a constant panorama comes out as exactly that.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::cube::{Cube, edge, solid_angles};
-use super::overlap::{CENTRES, Circle, Grid, Part, cap_rows, top_circle};
+use super::coverage::Border;
+use super::cube::{Cube, edge};
+use super::overlap::{CENTRES, Circle, Grid, Part};
 use super::panorama::Panorama;
 use super::zonal::InstructionSet;
 
@@ -22,245 +23,290 @@ pub fn area_average(panorama: &Panorama, size: usize) -> Cube {
 }
 
 fn average_by(panorama: &Panorama, size: usize, instructions: InstructionSet) -> Cube {
-    let (mean, height) = (panorama.mean(), panorama.height());
-    let wedges = |rows: usize, mirrored: bool| Wedges::new(panorama, mean, rows, mirrored, instructions);
-    let angles = solid_angles(size);
-    // An average lies between the extremes. The clamp only keeps rounding (1e-16 of the flux in a column) from making
-    // black negative beside a sun.
-    let (low, high) = (panorama.min(), panorama.max());
-    let average = |residual: [f64; 3], angle: f64| -> [f32; 3] {
-        std::array::from_fn(|c| ((mean[c] + residual[c] / angle) as f32).clamp(low[c], high[c]))
-    };
+    let (width, height) = (panorama.width(), panorama.height());
+    // Columns are cut so that a quarter of a turn is a whole number of them.
+    let cuts = [0, 2, 1, 2][width % 4];
+    let grid = Grid::new(width << cuts, panorama.row_edges(), height);
+    let [r, g, b] = panorama.mean();
+    let map = Map { panorama, size, mean: [r, g, b, 0.0], range: [panorama.min(), panorama.max()], cuts };
+    let quarter = Quarter::new(&grid, size);
     let mut texels = vec![[0.0f32; 3]; 6 * size * size];
-    let at_pole = |lines: &[PoleLine], face: usize, texels: &mut [[f32; 3]]| {
-        let rows = texels[face * size * size..][..size * size].par_chunks_mut(size).enumerate();
-        rows.for_each(|(row, out)| {
-            let angles = &angles[row * size..][..size];
-            // The face below is the one above of the panorama in the mirror.
-            let row = if face == 3 { size - 1 - row } else { row };
-            let (above, below) = (&lines[row][1], &lines[row + 1][1]);
-            for (column, (out, angle)) in out.iter_mut().zip(angles).enumerate() {
-                let across = subtract(lines[column + 1][0][row], lines[column][0][row]);
-                let down = subtract(above[column], below[column]);
-                *out = average(std::array::from_fn(|c| across[c] + down[c]), *angle);
-            }
-        });
-    };
-    // One set of wedges at a time, and one of lines: they are larger than the panorama. Rows mirror each other: so do the arcs around the
-    // poles.
-    let south = wedges(cap_rows(height), true);
-    let arcs = pole_arcs(&south.grid, size);
-    at_pole(&pole_lines(&south, size, &arcs), 3, &mut texels);
-    drop(south);
-    // The faces at the side reach 45° below the equator.
-    let north = wedges((3 * height / 4 + 2).min(height), false);
-    at_pole(&pole_lines(&north, size, &arcs), 2, &mut texels);
-    drop(arcs);
-    let sides = side_lines(&north, size);
-    drop(north);
-    texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
-        let (face, row) = (line / size, line % size);
-        let side = match face {
-            0 | 1 => face,
-            4 | 5 => face - 2,
-            _ => return,
-        };
-        let (above, below) = (&sides[row][side], &sides[row + 1][side]);
-        for (((out, above), below), angle) in out.iter_mut().zip(above).zip(below).zip(&angles[row * size..]) {
-            *out = average(subtract(*above, *below), *angle);
-        }
+    let mut rows: Vec<Option<&mut [[f32; 3]]>> = texels.chunks_exact_mut(size).map(Some).collect();
+    let mut all: Vec<Row> = (0..size.div_ceil(2))
+        .map(|line| {
+            let images = images(size, line);
+            let out = images.map(|(row, _)| FACES.map(|face| rows[face * size + row].take()));
+            Row { line, signs: images.map(|(_, signs)| signs), out }
+        })
+        .collect();
+    all.par_chunks_mut(TILE[0]).for_each_init(Scratch::default, |scratch, rows| {
+        instructions.run(
+            #[inline(always)]
+            || map.fill(&quarter, rows, scratch),
+        );
     });
     Cube { size, texels }
 }
 
-/// Integrals along the pieces of one line between texels.
-type Line = Vec<[f64; 3]>;
-/// On a face at a pole: of the line at some u, which runs along v, and of the line at the same v.
-type PoleLine = [Line; 2];
+const FACES: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-/// Along the lines between the rows of the faces beside the equator, +X, −X, +Z, −Z: circles of constant v. (Their columns end at
-/// meridians. φ falls as u grows.)
-fn side_lines(wedges: &Wedges, size: usize) -> Vec<[Line; 4]> {
-    by_symmetry(size, |_, v| {
-        let arc = Arc::new(&wedges.grid, Some((v, 1.0)), size);
-        move |v| [0, 1, 4, 5].map(|face| arc.line(wedges, CENTRES[face], -1.0, v > 0.0))
-    })
+/// Rows and columns of a quarter that are averaged together: what they hold of the panorama then stays near.
+const TILE: [usize; 2] = [8, 32];
+
+/// Rows at the same distance from the middles of all faces, to be filled.
+struct Row<'a> {
+    /// The number of the row from the middle.
+    line: usize,
+    /// As [`images`] says.
+    signs: [&'static [bool]; 2],
+    out: [[Option<&'a mut [[f32; 3]]>; 6]; 2],
 }
 
-/// The arcs of a face around a pole, of lines from its middle on.
-fn pole_arcs(grid: &Grid, size: usize) -> Vec<Arc> {
-    let arc = |k: usize| {
-        let t = edge(size, k);
-        Arc::new(grid, (t > 0.0).then_some((1.0, t)), size)
-    };
-    (size.div_ceil(2)..=size).into_par_iter().map(arc).collect()
+/// Where the mirror images of a row or column (counted from the middle) lie, and which of the two they are: both make up one that lies
+/// across the middle.
+fn images(size: usize, from_middle: usize) -> [(usize, &'static [bool]); 2] {
+    let [up, down] = [size / 2 + from_middle, (size - 1) / 2 - from_middle];
+    if up == down { [(up, &[false, true]), (up, &[])] } else { [(up, &[false]), (down, &[true])] }
 }
 
-/// Along the lines of the face around the pole that the wedges start from.
-fn pole_lines(wedges: &Wedges, size: usize, arcs: &[Arc]) -> Vec<PoleLine> {
-    by_symmetry(size, |index, _| {
-        let arc = &arcs[index];
-        move |t| {
-            [true, false].map(|along_v| match top_circle(t, along_v) {
-                Some((circle, turn)) => arc.line(wedges, circle.centre, turn, false),
-                None => vec![[0.0; 3]; size],
-            })
+/// The lines of the quarter faces, from the middle on: beside the equator those between rows, columns counted from the middle of the
+/// face; at the pole those between columns, columns counted from the azimuth of u.
+struct Quarter<'a> {
+    grid: &'a Grid,
+    side: Vec<Line>,
+    pole: Vec<Line>,
+}
+
+/// The texels along half a line, piece by piece.
+#[derive(Default)]
+struct Line {
+    parts: Vec<Part>,
+    ends: Vec<usize>,
+}
+
+impl Line {
+    /// Half of a circle's line from its middle, at azimuth −π.
+    fn new(grid: &Grid, [a, b]: [f64; 2], size: usize) -> Self {
+        let mut line = Self { parts: vec![], ends: vec![0; size.div_ceil(2)] };
+        let Self { parts, ends } = &mut line;
+        if b > 0.0 {
+            grid.along_half(&Circle::new(a, b, -PI), size, |piece, part| {
+                parts.push(part);
+                ends[piece - size / 2] = parts.len();
+            });
         }
-    })
-}
-
-/// What `lines` makes of every line between texels, in their order. Lines at ±t are halves of one circle: `lines` of t ≥ 0 (and
-/// its number) is asked once for both.
-fn by_symmetry<T: Send, L: Fn(f64) -> T>(size: usize, lines: impl Fn(usize, f64) -> L + Sync) -> Vec<T> {
-    let pair = |k: usize| {
-        let t = edge(size, k);
-        let line = lines(k - size.div_ceil(2), t);
-        (line(-t), (t > 0.0).then(|| line(t)))
-    };
-    let pairs: Vec<(T, Option<T>)> = (size.div_ceil(2)..=size).into_par_iter().map(pair).collect();
-    let (low, high): (Vec<T>, Vec<Option<T>>) = pairs.into_iter().unzip();
-    low.into_iter().rev().chain(high.into_iter().flatten()).collect()
-}
-
-/// The texels that half of a grid line crosses, from its middle outwards; the other half is its mirror image, and so are those of the
-/// other faces, as far as the panorama's columns are.
-struct Arc {
-    size: usize,
-    /// a and b of its circle; none for a meridian.
-    circle: Option<(f64, f64)>,
-    /// The piece of the line, and what a texel holds of it, columns counted from the middle; nothing if columns have no such symmetry.
-    parts: Option<Vec<(usize, Part)>>,
-}
-
-impl Arc {
-    fn new(grid: &Grid, circle: Option<(f64, f64)>, size: usize) -> Self {
-        let symmetric = grid.width().is_multiple_of(4);
-        let parts = circle.filter(|_| symmetric).map(|(a, b)| {
-            let mut parts = vec![];
-            grid.along_half(&Circle { a, b, centre: -PI }, size, |piece, part| parts.push((piece, part)));
-            parts
-        });
-        Self { size, circle, parts }
+        line
     }
 
-    /// ∫ P dφ along each of the pieces of the line about the azimuth `centre`, or of its mirror image below the equator.
-    fn line(&self, wedges: &Wedges, centre: f64, turn: f64, below: bool) -> Line {
-        let Some((a, b)) = self.circle else { return vec![[0.0; 3]; self.size] };
-        let mut sums = vec![[0.0; 4]; self.size];
-        match &self.parts {
-            Some(parts) => wedges.instructions.run(
-                #[inline(always)]
-                || add_mirrored(parts, wedges, centre, turn, below, &mut sums),
-            ),
-            None => {
-                let circle = Circle { a: if below { -a } else { a }, b, centre };
-                let add = |piece: usize, part: Part| wedges.add(part, &mut sums[piece]);
-                wedges.grid.along_line(&circle, turn, self.size, add);
-            }
-        }
-        sums.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+    fn piece(&self, index: usize) -> &[Part] {
+        let start = if index == 0 { 0 } else { self.ends[index - 1] };
+        &self.parts[start..self.ends[index]]
     }
 }
 
-/// Adds up ∫ P dφ over the parts of half a line and of its mirror image.
-#[inline(always)]
-fn add_mirrored(parts: &[(usize, Part)], wedges: &Wedges, centre: f64, turn: f64, below: bool, sums: &mut [[f64; 4]]) {
-    let (width, height, last) = (wedges.grid.width(), wedges.grid.height(), sums.len() - 1);
-    // Exact: azimuths of faces are quarters of a turn.
-    let middle = ((centre + PI) / TAU * width as f64).round() as usize % width;
-    for &(piece, part) in parts {
-        let (row, depth) = match below {
-            true => (height - 1 - part.row, part.length - part.depth),
-            false => (part.row, part.depth),
+impl<'a> Quarter<'a> {
+    fn new(grid: &'a Grid, size: usize) -> Self {
+        let lines = |circle: fn(f64) -> [f64; 2]| -> Vec<Line> {
+            // (Of odd sizes the first line is the middle of a texel.)
+            let line = |k: usize| Line::new(grid, circle(edge(size, k).max(0.0)), size);
+            (size / 2..size + 1).into_par_iter().map(line).collect()
         };
-        let within = |column: usize| if column >= width { column - width } else { column };
-        let outwards = [within(middle + part.column), within(middle + width - 1 - part.column)];
-        let [right, left] = if turn > 0.0 { outwards } else { [outwards[1], outwards[0]] };
-        let (length, depth) = (turn * part.length, turn * depth);
-        wedges.add(Part { column: right, row, length, depth }, &mut sums[piece]);
-        wedges.add(Part { column: left, row, length, depth }, &mut sums[last - piece]);
-    }
-}
-
-fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|c| a[c] - b[c])
-}
-
-/// P at every edge between rows, counted from a pole.
-pub(super) struct Wedges {
-    pub(super) grid: Grid,
-    /// One line of `width` values of P for each edge of the grid's rows, three channels each, and one number more. (One list: large ones
-    /// are given back as soon as they are dropped.)
-    prefix: Vec<f64>,
-    instructions: InstructionSet,
-}
-
-/// Rows that are added up by one thread.
-const BAND: usize = 64;
-
-impl Wedges {
-    /// The prefix integrals of `panorama − mean` over the first `rows` rows from the north pole, or from the south pole of
-    /// the panorama when `mirrored`. They take 24 bytes a texel.
-    pub(super) fn new(
-        panorama: &Panorama,
-        mean: [f64; 3],
-        rows: usize,
-        mirrored: bool,
-        instructions: InstructionSet,
-    ) -> Self {
-        let (width, height) = (panorama.width(), panorama.height());
-        let grid = Grid::new(width, panorama.row_edges(), rows);
-        let add_row = |row: usize, sums: &mut [f64]| {
-            let texels = panorama.row(if mirrored { height - 1 - row } else { row });
-            let row_height = grid.row_height(row);
-            for (sum, texel) in sums.as_chunks_mut::<3>().0.iter_mut().zip(texels) {
-                for c in 0..3 {
-                    sum[c] += (f64::from(texel[c]) - mean[c]) * row_height;
-                }
-            }
-        };
-        // What each band comes to, then each from what all bands above it come to: the same sums on any number of threads.
-        let rows_of = |band: usize| BAND * band..(BAND * (band + 1)).min(rows);
-        let alone = |band: usize| {
-            let mut sums = vec![0.0; 3 * width];
-            rows_of(band).for_each(|row| add_row(row, &mut sums));
-            sums
-        };
-        let alone: Vec<Vec<f64>> = (0..rows.div_ceil(BAND)).into_par_iter().map(alone).collect();
-        let line = 3 * width;
-        let mut above = vec![0.0; line];
-        let starts: Vec<Vec<f64>> = alone
-            .into_iter()
-            .map(|mut band| {
-                // What is above it takes the place of what it comes to.
-                for (band, above) in band.iter_mut().zip(&mut above) {
-                    (*band, *above) = (*above, *above + *band);
-                }
-                band
-            })
-            .collect();
-        let mut prefix = vec![0.0; (rows + 1) * line + 1];
-        let end = prefix.len() - 1;
-        let bands = prefix[line..end].par_chunks_mut(BAND * line).zip(starts).enumerate();
-        bands.for_each(|(band, (lines, mut sums))| {
-            for (row, line) in rows_of(band).zip(lines.chunks_exact_mut(line)) {
-                add_row(row, &mut sums);
-                line.copy_from_slice(&sums);
-            }
-        });
-        Self { grid, prefix, instructions }
+        // Through the pole itself lines are meridians, b = 0.
+        Self { grid, side: lines(|t| [t, 1.0]), pole: lines(|t| [1.0, t]) }
     }
 
-    /// Adds ∫ P dφ over what a texel holds of an arc; the fourth number means nothing.
+    /// What some texels of a row hold, of a face beside the equator, northwards and one side only.
     #[inline(always)]
-    pub(super) fn add(&self, part: Part, sum: &mut [f64; 4]) {
-        let index = 3 * (part.row * self.grid.width() + part.column);
-        let four = |at: usize| -> &[f64; 4] {
-            self.prefix[at..].first_chunk().expect("a number more than there are channels follows the last texel")
-        };
-        let (above, below) = (four(index), four(index + 3 * self.grid.width()));
-        for c in 0..4 {
-            sum[c] = below[c] * part.depth + (above[c] * (part.length - part.depth) + sum[c]);
+    fn at_side(&self, row: usize, pieces: Range<usize>, border: &mut Border, list: &mut List) {
+        for piece in pieces {
+            self.side[row].piece(piece).iter().for_each(|&part| border.add(part, 1.0));
+            self.side[row + 1].piece(piece).iter().for_each(|&part| border.add(part, -1.0));
+            list.push(self.grid, border);
+        }
+    }
+
+    /// The same of the face at the pole, u and v positive.
+    #[inline(always)]
+    fn at_pole(&self, row: usize, pieces: Range<usize>, border: &mut Border, list: &mut List) {
+        let quarter = self.grid.width() / 4;
+        for column in pieces {
+            // Lines of constant u begin at its azimuth, those of constant v a quarter of a turn further, and go the other way.
+            for (line, sign) in [(column, -1.0), (column + 1, 1.0)] {
+                self.pole[line].piece(row).iter().for_each(|&part| border.add(part, sign));
+            }
+            for (line, sign) in [(row, -1.0), (row + 1, 1.0)] {
+                for &part in self.pole[line].piece(column) {
+                    border.add(Part { column: quarter - 1 - part.column, ..part }, sign);
+                }
+            }
+            list.push(self.grid, border);
+        }
+    }
+}
+
+/// What some texels hold of the panorama, one after the other.
+#[derive(Default)]
+struct List {
+    areas: Vec<f64>,
+    /// Areas that follow each other in a row: the row, the first column, and their number.
+    runs: Vec<[u32; 3]>,
+    texels: Vec<Held>,
+}
+
+/// What one texel holds: its runs, its areas, and their sum.
+struct Held {
+    runs: Range<usize>,
+    areas: Range<usize>,
+    angle: f64,
+}
+
+impl List {
+    fn clear(&mut self) {
+        self.areas.clear();
+        self.runs.clear();
+        self.texels.clear();
+    }
+
+    /// Adds what a border holds.
+    #[inline(always)]
+    fn push(&mut self, grid: &Grid, border: &mut Border) {
+        let (runs, areas) = (self.runs.len(), self.areas.len());
+        border.take(grid, |row, column, areas| {
+            self.areas.extend_from_slice(areas);
+            self.runs.push([row as u32, column as u32, areas.len() as u32]);
+        });
+        let angle = self.areas[areas..].iter().sum();
+        self.texels.push(Held { runs: runs..self.runs.len(), areas: areas..self.areas.len(), angle });
+    }
+}
+
+#[derive(Default)]
+struct Scratch {
+    border: Border,
+    list: List,
+}
+
+/// What is averaged.
+struct Map<'a> {
+    panorama: &'a Panorama,
+    /// Texels along an edge of a face.
+    size: usize,
+    /// Three channels, and a fourth number.
+    mean: [f64; 4],
+    /// An average lies between the extremes. The clamp only keeps rounding from making black negative beside a sun.
+    range: [[f32; 3]; 2],
+    /// The grid has 2^cuts columns for one of the panorama.
+    cuts: u32,
+}
+
+/// A mirror image of what a list holds: where its column 0 begins, whether columns go down from there, and whether rows are counted from
+/// the south pole.
+#[derive(Clone, Copy)]
+struct Image {
+    first: usize,
+    turned: bool,
+    below: bool,
+}
+
+impl Map<'_> {
+    /// Adds ∫ (f − mean) over images of some texels, of each its own sum; the fourth number means nothing. (All images at once: lists
+    /// are short, and where each ends is not foreseen by the processor.)
+    #[inline(always)]
+    fn add<const N: usize>(&self, runs: &[[u32; 3]], mut areas: &[f64], images: [Image; N], sums: &mut [[f64; 4]; N]) {
+        let (width, height) = (self.panorama.width(), self.panorama.height());
+        let columns = width << self.cuts;
+        for &[row, column, n] in runs {
+            let (row, column) = (row as usize, column as usize);
+            let mut starts = images.map(|image| {
+                let row = if image.below { height - 1 - row } else { row };
+                let column = if image.turned { image.first + columns - 1 - column } else { image.first + column };
+                (row * width, if column >= columns { column - columns } else { column })
+            });
+            let (here, rest) = areas.split_at(n as usize);
+            areas = rest;
+            for area in here {
+                for ((start, image), sum) in starts.iter_mut().zip(&images).zip(&mut *sums) {
+                    let texel = self.four(start.0 + (start.1 >> self.cuts));
+                    for c in 0..4 {
+                        sum[c] += area * (f64::from(texel[c]) - self.mean[c]);
+                    }
+                    // (The image of a quarter ends where a turn does.)
+                    start.1 = if image.turned { start.1.wrapping_sub(1) } else { start.1 + 1 };
+                }
+            }
+        }
+    }
+
+    /// A texel and a number more.
+    #[inline(always)]
+    fn four(&self, index: usize) -> [f32; 4] {
+        let flat = self.panorama.texels().as_flattened();
+        match flat[3 * index..].first_chunk() {
+            Some(four) => *four,
+            None => [flat[3 * index], flat[3 * index + 1], flat[3 * index + 2], 0.0],
+        }
+    }
+
+    /// Fills some rows of all faces.
+    #[inline(always)]
+    fn fill(&self, quarter: &Quarter, rows: &mut [Row], Scratch { border, list }: &mut Scratch) {
+        let (width, pieces) = (quarter.grid.width(), self.size.div_ceil(2));
+        for start in (0..pieces).step_by(TILE[1]) {
+            let tile = start..(start + TILE[1]).min(pieces);
+            list.clear();
+            rows.iter().for_each(|row| quarter.at_side(row.line, tile.clone(), border, list));
+            // φ falls as u grows, y as v does.
+            let faces = [0, 1, 4, 5];
+            let firsts = faces.map(|face| ((CENTRES[face] + PI) / TAU * width as f64).round() as usize);
+            self.fill_faces(rows, faces, tile.clone(), list, |left, up| {
+                firsts.map(|first| Image { first, turned: !left, below: !up })
+            });
+            list.clear();
+            rows.iter().for_each(|row| quarter.at_pole(row.line, tile.clone(), border, list));
+            // φ grows from u to v; seen from below, v is turned round.
+            self.fill_faces(rows, [2, 3], tile, list, |left, up| {
+                [false, true].map(|below| Image {
+                    first: if left { 0 } else { width / 2 },
+                    turned: left != (up != below),
+                    below,
+                })
+            });
+        }
+    }
+
+    /// Fills some columns of some rows of faces that are alike; `images` says where each quarter of them lies, by whether u and v are
+    /// negative there.
+    #[inline(always)]
+    fn fill_faces<const N: usize>(
+        &self,
+        rows: &mut [Row],
+        faces: [usize; N],
+        pieces: Range<usize>,
+        list: &List,
+        images_of: impl Fn(bool, bool) -> [Image; N],
+    ) {
+        let [low, high] = self.range;
+        for (row, held) in rows.iter_mut().zip(list.texels.chunks_exact(pieces.len())) {
+            for (piece, held) in pieces.clone().zip(held) {
+                let (runs, areas) = (&list.runs[held.runs.clone()], &list.areas[held.areas.clone()]);
+                for (column, left) in images(self.size, piece) {
+                    for (signs, out) in row.signs.iter().zip(&mut row.out) {
+                        let mut sums = [[0.0; 4]; N];
+                        for (&left, &up) in left.iter().flat_map(|left| signs.iter().map(move |up| (left, up))) {
+                            self.add(runs, areas, images_of(left, up), &mut sums);
+                        }
+                        // (Known to be unused, the fourth number would be left out, and with it the use of vectors of four.)
+                        let sums = std::hint::black_box(sums);
+                        let angle = held.angle * (left.len() * signs.len()) as f64;
+                        for (face, sum) in faces.iter().zip(sums) {
+                            let average = |c: usize| ((self.mean[c] + sum[c] / angle) as f32).clamp(low[c], high[c]);
+                            if let (Some(out), false) = (&mut out[*face], left.is_empty()) {
+                                out[column] = std::array::from_fn(average);
+                            }
+                        }
+                    }
+                }
+            }
         }
     }
 }

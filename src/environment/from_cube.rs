@@ -53,7 +53,7 @@ pub fn from_cube(cube: &Cube) -> Result<Panorama> {
     for side in [0, 1, 4, 5] {
         let face = Face::new(cube, side, mean, false);
         wedges.add_lines(size, |k| {
-            let circle = Circle { a: -edge(size, k), b: 1.0, centre: CENTRES[side] };
+            let circle = Circle::new(-edge(size, k), 1.0, CENTRES[side]);
             (Some((circle, -1.0)), face.step_down(k))
         });
     }

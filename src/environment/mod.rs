@@ -16,6 +16,7 @@ pub mod atlas;
 pub mod builtin;
 mod cells;
 pub mod chain;
+mod coverage;
 pub mod cube;
 pub mod equirect;
 mod face_files;

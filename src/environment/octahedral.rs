@@ -13,14 +13,13 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::area_average::Wedges;
+use super::coverage::Border;
 use super::cube::edge;
 use super::from_cube::{Steps, extremes};
 use super::orientation::Orientation;
 use super::overlap::{Grid, Part};
 use super::panorama::{MIN_HEIGHT, Panorama, row_edges};
 use super::sphere_map::{SphereLayout, SphereMap};
-use super::zonal::InstructionSet;
 use crate::error::{Error, Result};
 use crate::format::memory;
 
@@ -182,25 +181,26 @@ pub fn solid_angles(size: usize) -> Vec<f64> {
 /// The panorama averaged over the exact solid angle of each texel of a map of this size, turned. A constant panorama comes out as
 /// exactly its constant, and the flux is conserved to rounding.
 pub fn area_average(panorama: &Panorama, size: usize, orientation: &Orientation) -> SphereMap {
-    let mean = panorama.mean();
-    let rows = panorama.height() / 2 + 1;
-    let (rows, instructions) = (rows.min(panorama.height()), InstructionSet::detect());
-    let halves = [false, true].map(|mirrored| Wedges::new(panorama, mean, rows, mirrored, instructions));
+    let (mean, height) = (panorama.mean(), panorama.height());
+    let grid = Grid::new(panorama.width(), panorama.row_edges(), height);
     // An average lies between the extremes. The clamp only keeps rounding from making black negative beside a sun.
     let (low, high) = (panorama.min(), panorama.max());
-    let texel = |index: usize| {
+    let average = |border: &mut Border, index: usize| {
         let (mut sum, mut angle) = ([0.0; 3], 0.0);
         for polygon in polygons(size, index) {
             angle += polygon.solid_angle();
             let (below, sign) = polygon.side(orientation);
-            let wedges = &halves[usize::from(below)];
-            let mut part = [0.0; 4]; // the fourth means nothing
-            polygon.along_border(orientation, below, &wedges.grid, |arc| wedges.add(arc, &mut part));
-            (0..3).for_each(|c| sum[c] += sign * part[c]);
+            polygon.along_border(orientation, below, &grid, |part| border.add(part, sign));
+            border.take(&grid, |row, column, areas| {
+                let row = if below { height - 1 - row } else { row };
+                for (area, texel) in areas.iter().zip(&panorama.row(row)[column..]) {
+                    (0..3).for_each(|c| sum[c] += area * (f64::from(texel[c]) - mean[c]));
+                }
+            });
         }
         std::array::from_fn(|c| ((mean[c] + sum[c] / angle) as f32).clamp(low[c], high[c]))
     };
-    let texels = (0..size * size).into_par_iter().map(texel).collect();
+    let texels = (0..size * size).into_par_iter().map_init(Border::default, average).collect();
     SphereMap { layout: SphereLayout::Octahedral, size, texels }
 }
 

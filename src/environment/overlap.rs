@@ -21,9 +21,11 @@ pub(super) fn cap_rows(height: usize) -> usize {
 
 /// A great circle that is no meridian: tan(elevation) = (a / b) cos(φ − centre), b > 0.
 pub(super) struct Circle {
-    pub a: f64,
-    pub b: f64,
-    pub centre: f64,
+    a: f64,
+    b: f64,
+    /// 1/√(a² + b²).
+    scale: f64,
+    centre: f64,
 }
 
 /// The circle of the line at distance `t` from the middle of the +Y face, running along v (or along u), and the sign with
@@ -32,13 +34,13 @@ pub(super) fn top_circle(t: f64, along_v: bool) -> Option<(Circle, f64)> {
     let (centres, turn) = if along_v { ([0.0, PI], 1.0) } else { ([FRAC_PI_2, -FRAC_PI_2], -1.0) };
     match t {
         0.0 => None,
-        _ if t > 0.0 => Some((Circle { a: 1.0, b: t, centre: centres[0] }, turn)),
-        _ => Some((Circle { a: 1.0, b: -t, centre: centres[1] }, -turn)),
+        _ if t > 0.0 => Some((Circle::new(1.0, t, centres[0]), turn)),
+        _ => Some((Circle::new(1.0, -t, centres[1]), -turn)),
     }
 }
 
 /// A place on a circle: ψ, sin ψ and cos ψ.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Place {
     psi: f64,
     sin: f64,
@@ -59,11 +61,15 @@ impl Place {
 }
 
 impl Circle {
+    pub(super) fn new(a: f64, b: f64, centre: f64) -> Self {
+        Self { a, b, scale: 1.0 / (a * a + b * b).sqrt(), centre }
+    }
+
     /// sin and cos of ∫₀^ψ y dψ, that is asin(a sin ψ / √(a² + b²)).
+    #[inline(always)]
     fn height(&self, place: Place) -> [f64; 2] {
         let (a, b) = (self.a, self.b);
-        let scale = 1.0 / (b * b + a * a).sqrt();
-        [a * place.sin * scale, (b * b + a * a * place.cos * place.cos).sqrt() * scale]
+        [a * place.sin * self.scale, (b * b + a * a * place.cos * place.cos).sqrt() * self.scale]
     }
 }
 
@@ -122,11 +128,6 @@ impl Grid {
         self.rows
     }
 
-    /// Rows of the whole panorama.
-    pub(super) fn height(&self) -> usize {
-        self.height
-    }
-
     /// Height of a row in y.
     pub(super) fn row_height(&self, row: usize) -> f64 {
         self.y[row] - self.y[row + 1]
@@ -151,11 +152,9 @@ impl Grid {
     /// The pieces beyond the middle of a grid line, ψ = atan(t / b), t from 0 to 1.
     pub(super) fn along_half(&self, circle: &Circle, size: usize, mut visit: impl FnMut(usize, Part)) {
         let angle = |t: f64| Place::at_tangent(t, circle.b);
-        let mut from = angle(0.0);
+        let mut walk = Walk::new(self, circle, 1.0, angle(0.0));
         for i in size / 2..size {
-            let to = angle(edge(size, i + 1));
-            self.walk(circle, 1.0, [from, to], 1.0, |part| visit(i, part));
-            from = to;
+            walk.to(angle(edge(size, i + 1)), 1.0, |part| visit(i, part));
         }
     }
 
@@ -175,7 +174,7 @@ impl Grid {
         } else {
             (tilt, (-normal.z * normal.y.signum()).atan2(-normal.x * normal.y.signum()))
         };
-        let circle = Circle { a, b: up, centre };
+        let circle = Circle::new(a, up, centre);
         let turn = |point: DVec3| {
             let psi = azimuth(point) - centre;
             psi - TAU * (psi / TAU).round()
@@ -193,39 +192,8 @@ impl Grid {
     }
 
     /// The texels along the arc φ = centre + side · ψ, ψ from `from` to `to`, both ≥ 0, lengths multiplied by `sign`.
-    fn walk(&self, circle: &Circle, side: f64, [from, to]: [Place; 2], sign: f64, mut visit: impl FnMut(Part)) {
-        let column_position = (circle.centre + side * from.psi + PI) / TAU * self.width as f64;
-        let mut column = if side > 0.0 { column_position.floor() } else { column_position.ceil() - 1.0 };
-        let mut height = circle.height(from);
-        let mut row = self.row_at(circle.a * from.cos / (circle.b * circle.b + (circle.a * from.cos).powi(2)).sqrt());
-        let mut psi = from.psi;
-        let mut next_column = self.column_crossing(circle, side, column);
-        let mut next_row = self.row_crossing(circle, row);
-        while psi < to.psi {
-            let by_column = next_column.psi <= next_row.psi;
-            let next = if by_column { next_column } else { next_row };
-            let end = if next.psi < to.psi { next } else { to };
-            // ∫ y dψ as one angle: short arcs take no arctangent.
-            let [from_sin, from_cos] = height;
-            height = circle.height(end);
-            let area = arcsine(height[0] * from_cos - from_sin * height[1]);
-            // P = P at the row's upper edge × length + L × ∫ (y_edge − y).
-            let length = end.psi.max(psi) - psi;
-            let depth = (self.y[row] * length - area) / self.row_height(row);
-            let column_index = (column as i64).rem_euclid(self.width as i64) as usize;
-            visit(Part { column: column_index, row, length: sign * length, depth: sign * depth });
-            psi += length;
-            if next.psi >= to.psi {
-                break;
-            }
-            if by_column {
-                column += side;
-                next_column = self.column_crossing(circle, side, column);
-            } else {
-                row = if circle.a > 0.0 { row + 1 } else { row - 1 };
-                next_row = self.row_crossing(circle, row);
-            }
-        }
+    fn walk(&self, circle: &Circle, side: f64, [from, to]: [Place; 2], sign: f64, visit: impl FnMut(Part)) {
+        Walk::new(self, circle, side, from).to(to, sign, visit);
     }
 
     /// The row that holds a height, clamped to the rows there are (rounding may put an end point just outside).
@@ -253,5 +221,60 @@ impl Grid {
         // Above one, rounding has put the arc's highest point in the row beyond: it leaves that at once.
         let cos = (circle.b * self.slope[edge] / circle.a).min(1.0);
         if cos > 0.0 { Place { psi: cos.acos(), sin: ((1.0 - cos) * (1.0 + cos)).sqrt(), cos } } else { never }
+    }
+}
+
+/// The way along a circle, away from where it is highest: φ = centre + side · ψ, ψ growing.
+struct Walk<'a> {
+    grid: &'a Grid,
+    circle: &'a Circle,
+    side: f64,
+    psi: f64,
+    /// As [`Circle::height`] says.
+    height: [f64; 2],
+    column: f64,
+    row: usize,
+    /// Where the column ends, and the row.
+    next: [Place; 2],
+}
+
+impl<'a> Walk<'a> {
+    fn new(grid: &'a Grid, circle: &'a Circle, side: f64, from: Place) -> Self {
+        let column_position = (circle.centre + side * from.psi + PI) / TAU * grid.width as f64;
+        let column = if side > 0.0 { column_position.floor() } else { column_position.ceil() - 1.0 };
+        let row = grid.row_at(circle.a * from.cos / (circle.b * circle.b + (circle.a * from.cos).powi(2)).sqrt());
+        let next = [grid.column_crossing(circle, side, column), grid.row_crossing(circle, row)];
+        Self { grid, circle, side, psi: from.psi, height: circle.height(from), column, row, next }
+    }
+
+    /// The texels on the way to a place further on, lengths multiplied by `sign`.
+    fn to(&mut self, to: Place, sign: f64, mut visit: impl FnMut(Part)) {
+        let (grid, circle) = (self.grid, self.circle);
+        while self.psi < to.psi {
+            let by_column = self.next[0].psi <= self.next[1].psi;
+            let next = self.next[usize::from(!by_column)];
+            let end = if next.psi < to.psi { next } else { to };
+            // ∫ y dψ as one angle: short arcs take no arctangent.
+            let [from_sin, from_cos] = self.height;
+            self.height = circle.height(end);
+            let area = arcsine(self.height[0] * from_cos - from_sin * self.height[1]);
+            // P = P at the row's upper edge × length + L × ∫ (y_edge − y).
+            let psi = end.psi.max(self.psi);
+            let length = psi - self.psi;
+            self.psi = psi;
+            let depth = (grid.y[self.row] * length - area) / grid.row_height(self.row);
+            let column = (self.column as i64).rem_euclid(grid.width as i64) as usize;
+            visit(Part { column, row: self.row, length: sign * length, depth: sign * depth });
+            if next.psi > to.psi {
+                break;
+            }
+            if by_column {
+                self.column += self.side;
+                self.next[0] = grid.column_crossing(circle, self.side, self.column);
+            } else {
+                self.row = if circle.a > 0.0 { self.row + 1 } else { self.row - 1 };
+                self.next[1] = grid.row_crossing(circle, self.row);
+            }
+        }
     }
 }

@@ -240,10 +240,12 @@ fn refine(cell: [f64; 4], product: &impl Fn([f64; 4]) -> f64, depth: usize) -> f
     let [z, dz, phi, dphi] = [cell[0], cell[1] / 2.0, cell[2], cell[3] / 2.0];
     let quarters =
         [[z, dz, phi, dphi], [z + dz, dz, phi, dphi], [z, dz, phi + dphi, dphi], [z + dz, dz, phi + dphi, dphi]];
-    let (whole, parts) = (product(cell), quarters.iter().map(|&q| product(q)).sum::<f64>());
-    // (1e-7 of all draws is a hundredth of one.)
-    if depth >= 3 && (whole - parts).abs() < 1e-7 || depth == 12 {
-        return parts;
+    if depth >= 2 {
+        let (whole, parts) = (product(cell), quarters.iter().map(|&q| product(q)).sum::<f64>());
+        // (1e-7 of all draws is a hundredth of one.)
+        if (whole - parts).abs() < 1e-7 || depth == 12 {
+            return parts;
+        }
     }
     quarters.into_iter().map(|q| refine(q, product, depth + 1)).sum()
 }

@@ -5,6 +5,7 @@
 //! solid angle. Northern and southern rows share their P̄_l^m but for the sign (−1)^(l−m): one transform of
 //! (north + south) + i (north − south) gives both.
 
+use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
@@ -12,6 +13,7 @@ use rayon::prelude::*;
 use super::fft::{Complex, Fft, separate};
 use super::lanes::{InstructionSet, LANES, V, ZERO, mul_add, scale, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
+use super::nodes::Nodes;
 use crate::math::quadrature::Rule;
 
 /// Real and imaginary parts of three channels: re r, g, b, im r, g, b.
@@ -33,11 +35,23 @@ pub(super) trait Texels: Sync {
     fn occupied(&self, row: usize) -> bool;
     /// Writes the channels of two rows to one lane: their sum, and the first less the second.
     fn read_rows(&self, rows: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]);
+    /// A row as it is, before the mean is taken off.
+    fn row(&self, row: usize) -> Cow<'_, [[f32; 3]]>;
+    /// What [`Texels::read_rows`] takes off.
+    fn mean(&self) -> [f64; 3];
 }
 
-/// Eight rows of the north with their mirror images.
+/// How rows are integrated over θ.
+#[derive(Debug)]
+pub(super) enum Rows {
+    /// Each by itself.
+    Points(Rule),
+    /// At fewer angles than there are rows.
+    Nodes(Nodes),
+}
+
+/// Eight rows (or nodes) of the north with their mirror images.
 struct Block {
-    first: usize,
     largest_sin: f64,
     /// Gauss points with their weights.
     points: Vec<(Places, V)>,
@@ -45,33 +59,45 @@ struct Block {
     spectrum: Vec<[V; 2 * PARTS]>,
 }
 
-/// The coefficients up to a degree; `rule` integrates over a row.
-pub(super) fn analyse(map: &dyn Texels, degree: usize, rule: &Rule, instructions: InstructionSet) -> Coefficients {
+/// The coefficients up to a degree.
+pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions: InstructionSet) -> Coefficients {
     let [width, height] = map.shape();
     let fft = Fft::new(width);
     let factors = column_factors(width, degree);
     let pairs = height.div_ceil(2);
-    let blocks: Vec<Block> = (0..pairs.div_ceil(LANES))
-        .into_par_iter()
-        .map_init(
-            || Lines::new(width),
-            |lines, index| {
-                let first = index * LANES;
-                let rows = first..(first + LANES).min(pairs);
+    let block = |lines: &mut Lines, index: usize| -> Option<Block> {
+        let (points, largest_sin) = match rows {
+            Rows::Points(rule) => {
+                let rows = index * LANES..((index + 1) * LANES).min(pairs);
                 if !rows.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
                     return None;
                 }
-                let (points, largest_sin) = places(first, height, rule, degree);
-                let spectrum = instructions.run(
+                lines.read(map, rows.clone());
+                places(rows.start, height, rule, degree)
+            }
+            Rows::Nodes(nodes) => {
+                if !nodes.occupied(map, index) {
+                    return None;
+                }
+                instructions.run(
                     #[inline(always)]
-                    || spectrum(map, rows.clone(), &fft, &factors, lines),
+                    || nodes.gather(map, index, &mut lines.channels),
                 );
-                Some(Block { first, largest_sin, points, spectrum })
-            },
-        )
-        .flatten()
-        .collect();
-    debug_assert!(blocks.windows(2).all(|b| b[0].first < b[1].first));
+                let [cos, sin] = nodes.angles(index);
+                (vec![(Places::new(cos, sin, degree), [1.0; LANES])], sin.into_iter().fold(0.0, f64::max))
+            }
+        };
+        let spectrum = instructions.run(
+            #[inline(always)]
+            || spectrum(&fft, &factors, lines),
+        );
+        Some(Block { largest_sin, points, spectrum })
+    };
+    let n_blocks = match rows {
+        Rows::Points(_) => pairs.div_ceil(LANES),
+        Rows::Nodes(nodes) => nodes.n_blocks(),
+    };
+    let blocks: Vec<Block> = (0..n_blocks).into_par_iter().map_init(|| Lines::new(width), block).flatten().collect();
     let norms = sectoral_norms(degree);
     let orders = (0..degree + 1)
         .into_par_iter()
@@ -140,26 +166,25 @@ impl Lines {
     fn new(width: usize) -> Self {
         Self { channels: [(); 3].map(|()| vec![Complex::ZERO; width]), spare: vec![Complex::ZERO; width] }
     }
+
+    /// Up to eight rows with their mirror images.
+    fn read(&mut self, map: &dyn Texels, rows: std::ops::Range<usize>) {
+        let height = map.shape()[1];
+        for lane in 0..LANES {
+            let row = rows.start + lane;
+            if row < rows.end {
+                map.read_rows([row, height - 1 - row], lane, &mut self.channels);
+            } else {
+                self.channels.iter_mut().flatten().for_each(|x| (x.re[lane], x.im[lane]) = (0.0, 0.0));
+            }
+        }
+    }
 }
 
 #[inline(always)]
-fn spectrum(
-    map: &dyn Texels,
-    rows: std::ops::Range<usize>,
-    fft: &Fft,
-    factors: &[(f64, f64)],
-    Lines { channels, spare }: &mut Lines,
-) -> Vec<[V; 2 * PARTS]> {
-    let [width, height] = map.shape();
+fn spectrum(fft: &Fft, factors: &[(f64, f64)], Lines { channels, spare }: &mut Lines) -> Vec<[V; 2 * PARTS]> {
+    let width = spare.len();
     let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
-    for lane in 0..LANES {
-        let row = rows.start + lane;
-        if row < rows.end {
-            map.read_rows([row, height - 1 - row], lane, channels);
-        } else {
-            channels.iter_mut().flatten().for_each(|x| (x.re[lane], x.im[lane]) = (0.0, 0.0));
-        }
-    }
     for (channel, x) in channels.iter_mut().enumerate() {
         fft.forward(x, spare);
         for (m, (out, &factor)) in spectrum.iter_mut().zip(factors).enumerate() {

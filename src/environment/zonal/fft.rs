@@ -101,9 +101,11 @@ impl Fft {
         let (mut n, mut stride) = (self.n, 1);
         for &radix in &self.factors {
             match radix {
-                4 => self.pass4(n, stride, x, spare),
-                2 => self.pass2(n, stride, x, spare),
-                _ => self.pass(radix, n, stride, x, spare),
+                2 => self.pass(n, stride, x, spare, two),
+                3 => self.pass(n, stride, x, spare, three),
+                4 => self.pass(n, stride, x, spare, four),
+                5 => self.pass(n, stride, x, spare, five),
+                _ => self.pass_of_any(radix, n, stride, x, spare),
             }
             std::mem::swap(x, spare);
             n /= radix;
@@ -111,46 +113,32 @@ impl Fft {
         }
     }
 
+    /// One pass, `short` the transform of as many numbers as its radix.
     #[inline(always)]
-    fn pass4(&self, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
-        let m = n / 4;
-        let (x0, rest) = x[..self.n].split_at(m * stride);
-        let (x1, rest) = rest.split_at(m * stride);
-        let (x2, x3) = rest.split_at(m * stride);
-        for (p, out) in y.chunks_exact_mut(4 * stride).enumerate() {
-            let [w1, w2, w3] = [1, 2, 3].map(|j| self.roots[p * j * stride]);
-            let (y0, rest) = out.split_at_mut(stride);
-            let (y1, rest) = rest.split_at_mut(stride);
-            let (y2, y3) = rest.split_at_mut(stride);
+    fn pass<const R: usize>(
+        &self,
+        n: usize,
+        stride: usize,
+        x: &[Complex],
+        y: &mut [Complex],
+        short: impl Fn([Complex; R]) -> [Complex; R],
+    ) {
+        let part = n / R * stride;
+        let parts: [&[Complex]; R] = std::array::from_fn(|k| &x[k * part..(k + 1) * part]);
+        for (p, out) in y[..self.n].chunks_exact_mut(R * stride).enumerate() {
+            let twiddles: [(f64, f64); R] = std::array::from_fn(|j| self.roots[p * j * stride]);
             for q in 0..stride {
-                let at = q + stride * p;
-                let (a, b, c, d) = (x0[at], x1[at], x2[at], x3[at]);
-                let (sum, difference) = (a.add(c), a.sub(c));
-                let (other, turned) = (b.add(d), b.sub(d).turned());
-                y0[q] = sum.add(other);
-                y1[q] = difference.add(turned).times(w1);
-                y2[q] = sum.sub(other).times(w2);
-                y3[q] = difference.sub(turned).times(w3);
+                let values = short(std::array::from_fn(|k| parts[k][q + stride * p]));
+                out[q] = values[0];
+                for j in 1..R {
+                    out[j * stride + q] = values[j].times(twiddles[j]);
+                }
             }
         }
     }
 
     #[inline(always)]
-    fn pass2(&self, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
-        let (x0, x1) = x[..self.n].split_at(n / 2 * stride);
-        for (p, out) in y.chunks_exact_mut(2 * stride).enumerate() {
-            let w = self.roots[p * stride];
-            let (y0, y1) = out.split_at_mut(stride);
-            for q in 0..stride {
-                let (a, b) = (x0[q + stride * p], x1[q + stride * p]);
-                y0[q] = a.add(b);
-                y1[q] = a.sub(b).times(w);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn pass(&self, radix: usize, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
+    fn pass_of_any(&self, radix: usize, n: usize, stride: usize, x: &[Complex], y: &mut [Complex]) {
         let m = n / radix;
         for (p, out) in y.chunks_exact_mut(radix * stride).enumerate() {
             for j in 0..radix {
@@ -167,6 +155,46 @@ impl Fft {
             }
         }
     }
+}
+
+#[inline(always)]
+fn two([a, b]: [Complex; 2]) -> [Complex; 2] {
+    [a.add(b), a.sub(b)]
+}
+
+#[inline(always)]
+fn three([a, b, c]: [Complex; 3]) -> [Complex; 3] {
+    const SIN: f64 = 0.866_025_403_784_438_6; // sin 2π/3
+    let sum = b.add(c);
+    let middle = a.add(sum.scaled(-0.5));
+    let turned = b.sub(c).scaled(SIN).turned();
+    [a.add(sum), middle.add(turned), middle.sub(turned)]
+}
+
+#[inline(always)]
+fn four([a, b, c, d]: [Complex; 4]) -> [Complex; 4] {
+    let [even, odd] = [two([a, c]), two([b, d])];
+    let turned = odd[1].turned();
+    [even[0].add(odd[0]), even[1].add(turned), even[0].sub(odd[0]), even[1].sub(turned)]
+}
+
+#[inline(always)]
+fn five([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
+    // cos and sin of 2π/5 and of 4π/5.
+    const COS: [f64; 2] = [0.309_016_994_374_947_45, -0.809_016_994_374_947_5];
+    const SIN: [f64; 2] = [0.951_056_516_295_153_5, 0.587_785_252_292_473_1];
+    let [outer, inner] = [two([b, e]), two([c, d])];
+    let near = a.add(outer[0].scaled(COS[0])).add(inner[0].scaled(COS[1]));
+    let far = a.add(outer[0].scaled(COS[1])).add(inner[0].scaled(COS[0]));
+    let near_turned = outer[1].scaled(SIN[0]).add(inner[1].scaled(SIN[1])).turned();
+    let far_turned = outer[1].scaled(SIN[1]).sub(inner[1].scaled(SIN[0])).turned();
+    [
+        a.add(outer[0]).add(inner[0]),
+        near.add(near_turned),
+        far.add(far_turned),
+        far.sub(far_turned),
+        near.sub(near_turned),
+    ]
 }
 
 /// The transforms of two real sequences from the one of their first + i second, at frequency m: that needs its values at m and

@@ -1,7 +1,7 @@
 //! The zonal filter: a panorama convolved with a kernel of R·l alone, by spherical harmonics, straight from its texels.
 //!
 //! By Funk and Hecke's theorem such a convolution multiplies the coefficients of degree l by one number λ_l. Texels become
-//! coefficients (`analysis`), once for all kernels; λ_l (`eigenvalues`) times coefficients become values on a grid of rings, and
+//! coefficients (`analysis`, of fine panoramas by fewer `nodes`), once for all kernels; λ_l (`eigenvalues`) times coefficients become values on a grid of rings, and
 //! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
 //! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
 //! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
@@ -13,10 +13,12 @@ mod eigenvalues;
 mod fft;
 mod lanes;
 mod legendre;
+mod nodes;
 mod plan;
 mod split;
 mod synthesis;
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,9 +32,10 @@ use super::full_sum::FullSum;
 use super::kernel::Kernel;
 use super::panorama::Panorama;
 use super::peel::Peel;
-use analysis::{Coefficients, Texels, analyse};
+use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
 use fft::Complex;
+use nodes::Nodes;
 use plan::{Plan, cells, darkest, is_wide, least_degree, row_rule};
 use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
@@ -288,8 +291,12 @@ impl Part {
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
         let norm2 = rest.sum(|texel| std::array::from_fn(|c| (f64::from(texel[c]) - mean[c]).powi(2)));
         let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
-        let rule = row_rule(narrowest, kinked.map(Plan::degree).max().unwrap_or(0), panorama.height());
-        let mut coefficients = analyse(&rest, degree, &rule, instructions);
+        let kinked = kinked.map(Plan::degree).max().unwrap_or(0);
+        let rows = match Nodes::for_kernels(narrowest, [kinked, degree], rest.shape()) {
+            Some(nodes) => Rows::Nodes(nodes),
+            None => Rows::Points(row_rule(narrowest, kinked, panorama.height())),
+        };
+        let mut coefficients = analyse(&rest, degree, &rows, instructions);
         // What is left of the mean is rounding.
         coefficients.orders[0][0] = [0.0; 6];
         let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
@@ -413,6 +420,18 @@ impl Texels for Rest<'_> {
 
     fn occupied(&self, row: usize) -> bool {
         self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.mean) || !self.changed_in(row).is_empty()
+    }
+
+    fn row(&self, row: usize) -> Cow<'_, [[f32; 3]]> {
+        let (changed, mut texels) = (self.changed_in(row), Cow::from(self.panorama.row(row)));
+        for &(index, texel) in changed {
+            texels.to_mut()[index % self.panorama.width()] = texel;
+        }
+        texels
+    }
+
+    fn mean(&self) -> [f64; 3] {
+        self.mean
     }
 
     fn read_rows(&self, [north, south]: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]) {

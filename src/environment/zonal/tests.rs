@@ -121,7 +121,8 @@ fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
         let panorama = lit(width, 8, sun);
         let map = Rest { panorama: &panorama, changed: vec![], mean: panorama.mean() };
         for narrowest in [1.0, 0.01, 1e-3] {
-            let coefficients = analyse(&map, 4, &row_rule(narrowest, 4, width / 2), InstructionSet::detect());
+            let rows = Rows::Points(row_rule(narrowest, 4, width / 2));
+            let coefficients = analyse(&map, 4, &rows, InstructionSet::detect());
             for c in 0..3 {
                 // f_00 Y_00 is the mean; it was taken off already.
                 let off = coefficients.orders[0][0][c] / (4.0 * PI).sqrt() / panorama.mean()[c];
