@@ -211,9 +211,8 @@ mod tests {
             let direction = world.texel_box(i % 60, i / 60).middle();
             let lookup = ORIENTATION.parse::<Orientation>().unwrap().lookup(direction);
             let held = tile.texels[SphereLayout::Atlas.nearest(16, lookup)];
-            for c in 0..3 {
+            for (found, wanted) in world.texels()[i].into_iter().zip(held) {
                 // A sum of differences from the mean, in f64.
-                let (found, wanted) = (world.texels()[i][c], held[c]);
                 assert!((found - wanted).abs() <= 1e-6 * wanted.abs().max(1e-3), "{direction}: {found}, {wanted}");
             }
         }
