@@ -31,7 +31,7 @@ pub fn warn_of_packing(
         console.warn(&format!(
             "{what}: {} values beyond the largest that {format} holds, {largest}, were clamped to it; {}",
             packing.overflowed,
-            packed.to_hold_large(spec, largest.into())
+            packed.to_hold_large(spec, largest)
         ));
     }
     if packing.negative > 0 && !format.is_signed() {
