@@ -1,6 +1,6 @@
 //! PlayCanvas' environment atlas: panoramas of several sizes and widths of kernel in one picture of 512².
 //!
-//! A tile of N rows is a panorama of 2 N − 2 × N − 2 texels within a [`BORDER`], as [`equirect`](super::equirect) has it.
+//! A tile of N rows is a panorama of 2 N − 2 × N − 2 texels within a [`BORDER`], as [`equirect`] has it.
 //!
 //! ```text
 //!   0         256        512    0   mirror, 512 × 256

@@ -38,7 +38,7 @@ pub enum InputLayout {
     Cube,
     /// One square, as [`octahedral`](super::octahedral) lays it out. A square picture does not say that it is one, so this must.
     Octahedral,
-    /// PlayCanvas' [`atlas`](super::atlas), of which the largest mirror is read. Codes that do not say what they are, are RGBP.
+    /// PlayCanvas' [`atlas`], of which the largest mirror is read. Codes that do not say what they are, are RGBP.
     Atlas,
 }
 
