@@ -1,4 +1,5 @@
-//! Conversion of files between containers, packings, and panorama and cube, with what it cost.
+//! Conversion of files between containers, packings, and panorama and cube, with what it cost. The sphere stays turned as it was: what was
+//! looked up with a vector still is.
 //!
 //! Nothing is lost in silence: rounding is measured by reading the packed texels again; what the new packing has no room for (values beyond its
 //! largest, below zero, not finite) and what the new container has no place for (mips, faces, channels) is refused, unless a [`Conversion`]
@@ -28,10 +29,10 @@ pub enum Shape {
 pub struct Conversion {
     /// The container and packing.
     pub format: FormatSpec,
-    /// Panorama, cube or octahedral map.
+    /// Panorama, cube or octahedral map; an atlas is more than one map and is baked.
     pub shape: Shape,
-    /// How the sphere lies in the input; nothing for what its certificate says, else a cube for what has six faces and a panorama for
-    /// what has one.
+    /// How the sphere lies in the input; nothing for what its certificate says, else a cube for what has six faces, an atlas for what is
+    /// packed as one, and a panorama for any other picture. Of an atlas it is the largest mirror that is converted.
     pub from: Option<SphereLayout>,
     /// Only that level of mips.
     pub level: Option<usize>,
@@ -80,12 +81,20 @@ struct Content {
 ///
 /// **Errors**: what would be lost without being allowed to; what the container cannot hold.
 pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Report)> {
-    let from = conversion.from.or_else(|| said_layout(&decoded));
+    let (said, turned) = said_of(&decoded);
+    let from = conversion.from.or(said);
+    let mut decoded = decoded;
+    if let (Some(SphereLayout::Atlas), Decoded::Texture(texture)) = (from, &mut decoded) {
+        texture.format = atlas::format_of(texture);
+    }
     let mut content = Content::of(decoded)?;
     if let Some(level) = conversion.level {
         content.keep_level(level)?;
     }
     let reshaped = content.reshape(from, conversion.shape)?;
+    if let (Some(_), Some(turned)) = (reshaped, turned.filter(|turned| !turned.is_identity())) {
+        content.notes.push(format!("the sphere stays turned as it was: the world's x,y,z are {turned} of it"));
+    }
     if let Some(n) = conversion.channels {
         content.keep_channels(n)?;
     }
@@ -363,8 +372,9 @@ impl Sphere {
             return Panorama::new(width, height, texels).map(Self::Panorama);
         }
         if layout == SphereLayout::Atlas {
-            let mirror = atlas::cut(&texels, &atlas::tiles()[0])?;
-            return Ok(Self::Map(SphereMap { layout, size: atlas::SIZE, texels: mirror }));
+            let mirror = atlas::specular(0);
+            let texels = atlas::cut(&texels, &mirror)?;
+            return Ok(Self::Map(SphereMap { layout, size: mirror.size, texels }));
         }
         if width != height {
             return Err(Error::invalid(
@@ -446,10 +456,16 @@ impl Sphere {
     }
 }
 
-/// How the sphere lies in a file that Kiln baked.
-fn said_layout(decoded: &Decoded) -> Option<SphereLayout> {
-    let recipe = Certificate::from_json(decoded.metadata(certificate::KEY)?).ok()?.environment?;
-    Some(recipe.layout)
+/// How the sphere lies in a file that says so, and how it is turned.
+fn said_of(decoded: &Decoded) -> (Option<SphereLayout>, Option<Orientation>) {
+    let certified = || Certificate::from_json(decoded.metadata(certificate::KEY)?).ok()?.environment;
+    match (certified(), decoded) {
+        (Some(recipe), _) => (Some(recipe.layout), Some(recipe.orientation)),
+        (None, Decoded::Texture(texture)) if atlas::is(texture) => {
+            (Some(SphereLayout::Atlas), atlas::ORIENTATION.parse().ok())
+        }
+        _ => (None, None),
+    }
 }
 
 /// The usual format for what a file holds, in a container.

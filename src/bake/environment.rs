@@ -127,14 +127,14 @@ impl SunFile {
 
 /// Texels that [`environment`] reports to its progress callback, unless it must draw more samples for a tolerance.
 pub fn environment_texels(recipe: &EnvironmentRecipe) -> u64 {
-    let mirrors: u64 = smaller_mirrors(recipe).map(|size| recipe.layout.texels(size) as u64).sum();
+    let mirrors: u64 = smaller_mirrors(recipe).map(|tile| recipe.layout.texels(tile.size) as u64).sum();
     chain_spec(recipe, 0).total_texels() + recipe.layout.texels(recipe.irradiance_size) as u64 + mirrors
 }
 
-/// Sizes of the mirrors that an atlas has beside its chain.
-fn smaller_mirrors(recipe: &EnvironmentRecipe) -> impl Iterator<Item = usize> {
-    let n = if recipe.layout == SphereLayout::Atlas { atlas::LEVELS } else { 0 };
-    (1..n).map(|m| atlas::SIZE >> m)
+/// The mirrors that an atlas has beside its chain.
+fn smaller_mirrors(recipe: &EnvironmentRecipe) -> impl Iterator<Item = atlas::Tile> {
+    let tiles = if recipe.layout == SphereLayout::Atlas { atlas::tiles() } else { vec![] };
+    tiles.into_iter().filter(|tile| matches!(tile.content, atlas::Content::Mirror(_)))
 }
 
 fn chain_spec(recipe: &EnvironmentRecipe, samples: u64) -> ChainSpec {
@@ -215,9 +215,10 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         cubes[0].push(format!("specular {m}"), level, recipe)?;
     }
     if recipe.layout == SphereLayout::Atlas {
-        let smaller = mirrors(panorama, &chain_spec(recipe, 0), smaller_mirrors(recipe), progress)?;
-        for (m, mirror) in (1..).zip(&smaller) {
-            cubes[0].push(format!("mirror {m}"), mirror, recipe)?;
+        let sizes = smaller_mirrors(recipe).map(|tile| tile.size);
+        let smaller = mirrors(panorama, &chain_spec(recipe, 0), sizes, progress)?;
+        for (tile, mirror) in smaller_mirrors(recipe).zip(&smaller) {
+            cubes[0].push(tile.name(), mirror, recipe)?;
         }
         cubes[0].push(IRRADIANCE.to_owned(), &irradiance, recipe)?;
     }

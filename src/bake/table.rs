@@ -154,18 +154,19 @@ fn names(table: &Table, arrangement: &Arrangement) -> Vec<String> {
 
 /// A table whose values its format has no room for is no table of them.
 fn refuse_clamped(recipe: &TableRecipe, format: TexelFormat, report: &PackReport) -> Result<()> {
-    let refuse = |what: String| {
+    let refuse = |what: String, else_: &str| {
         Err(Error::usage(
             format!("{}: {what}, which {} has no room for", recipe.file, recipe.format),
-            "use an f16 or f32 format, such as ktx2:rgba16f or exr:f32",
+            format!("use an f16 or f32 format, such as ktx2:rgba16f or exr:f32{else_}"),
         ))
     };
     if report.negative > 0 && !format.is_signed() {
-        return refuse(format!("{} values below zero", report.negative));
+        return refuse(format!("{} values below zero", report.negative), "");
     }
     // A half float that overflows is stored as the largest one, and said so.
     if report.overflowed > 0 && !format.is_signed() {
-        return refuse(format!("{} values above {}", report.overflowed, format.largest(0)));
+        let what = format!("{} values above {}", report.overflowed, format.largest(0));
+        return refuse(what, ", or let the channel hold less, such as NAME:y/(1+y)");
     }
     Ok(())
 }

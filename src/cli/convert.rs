@@ -28,7 +28,7 @@ pub struct Convert {
     shape: Option<ShapeName>,
     /// What picture of the sphere the input is [default: what its certificate says; else a cube for six faces, a panorama for one]
     #[arg(long, value_enum, value_name = "SHAPE", requires = "shape")]
-    from: Option<ShapeName>,
+    from: Option<FromName>,
     /// Texels along an edge of the cube or of the octahedral square, or rows of the panorama [default: of a panorama W wide W/4, W/2;
     /// a panorama is four edges wide]
     #[arg(long, value_name = "N")]
@@ -60,6 +60,29 @@ impl From<ShapeName> for SphereLayout {
             ShapeName::Cube => Self::Cube,
             ShapeName::Octahedral => Self::Octahedral,
             ShapeName::Panorama => Self::Equirect,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum FromName {
+    /// A cube map
+    Cube,
+    /// One square
+    Octahedral,
+    /// A panorama
+    Panorama,
+    /// PlayCanvas' atlas, of which the largest mirror is taken; codes that do not say what they are, are RGBP
+    Atlas,
+}
+
+impl From<FromName> for SphereLayout {
+    fn from(name: FromName) -> Self {
+        match name {
+            FromName::Cube => Self::Cube,
+            FromName::Octahedral => Self::Octahedral,
+            FromName::Panorama => Self::Equirect,
+            FromName::Atlas => Self::Atlas,
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::console::Console;
 use kiln::Result;
 use kiln::engine::{ENGINES, Engine, EngineEnvironment, EngineTable, Levels};
-use kiln::environment::ShConvention;
+use kiln::environment::{KernelKind, ShConvention};
 use kiln::recipe::IrradianceKind;
 use kiln::table::{Axis, Parameter, Sampling, TableSpec, named};
 use serde::Serialize;
@@ -79,6 +79,15 @@ struct EnvironmentRow {
     irradiance_format: &'static str,
     specular_file: &'static str,
     irradiance_file: Option<&'static str>,
+    /// The chain for sheens, where the engine has another.
+    sheen: Option<SheenRow>,
+}
+
+#[derive(Serialize)]
+struct SheenRow {
+    file: &'static str,
+    kernel: &'static str,
+    roughness: Vec<f64>,
 }
 
 #[derive(Serialize)]
@@ -158,6 +167,11 @@ impl EnvironmentRow {
             irradiance_file: (preset.irradiance == IrradianceKind::Cube)
                 .then_some(preset.irradiance_file)
                 .filter(|file| !file.is_empty()),
+            sheen: preset.has_sheen().then(|| SheenRow {
+                file: preset.sheen_file,
+                kernel: KernelKind::Charlie.name(),
+                roughness: preset.sheen_roughness(),
+            }),
         })
     }
 }
@@ -192,6 +206,9 @@ fn text(engine: &Engine) -> Result<String> {
     }
     if let Some(preset) = &engine.environment {
         lines.push(format!("  {}", environment_flags(preset)?));
+        if preset.has_sheen() {
+            lines.push(format!("  {}, of which {} is the file", sheen_flags(preset)?, preset.sheen_file));
+        }
         lines.push(format!("  its shader reads level {}, L the last level, r roughness", preset.roughness.formula()));
     }
     let notes = [
@@ -232,24 +249,31 @@ fn table_flags(table: &EngineTable) -> Result<String> {
     Ok(flags)
 }
 
-/// The environment without its preset.
-fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
-    let n = preset.n_levels(preset.size);
+/// The environment without its preset, and no more than both its chains have.
+fn chain_flags(preset: &EngineEnvironment, roughness: &[f64], kernel: KernelKind) -> Result<String> {
     // Four digits are what a person reads; --json has them all.
-    let rounded: Vec<String> = preset
-        .level_roughness(preset.size, false)
-        .iter()
-        .map(|r| format!("{r:.4}").trim_end_matches('0').trim_end_matches('.').to_owned())
-        .collect();
-    let mut flags = format!(
-        "kiln env INPUT --out DIR{} --size {} --roughness {} --format {} --orientation {} --irradiance {}",
+    let rounded: Vec<String> =
+        (roughness.iter()).map(|r| format!("{r:.4}").trim_end_matches('0').trim_end_matches('.').to_owned()).collect();
+    Ok(format!(
+        "kiln env INPUT --out DIR{} --size {} --roughness {} --format {} --orientation {} --kernel {}",
         if preset.layout.is_cube() { String::new() } else { format!(" --layout {}", preset.layout) },
         preset.size,
         rounded.join(","),
         preset.format,
         preset.orientation()?,
-        preset.irradiance.name()
-    );
+        kernel.name()
+    ))
+}
+
+fn sheen_flags(preset: &EngineEnvironment) -> Result<String> {
+    let flags = chain_flags(preset, &preset.sheen_roughness(), KernelKind::Charlie)?;
+    Ok(format!("{flags} --irradiance {}", IrradianceKind::None.name()))
+}
+
+fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
+    let n = preset.n_levels(preset.size);
+    let mut flags = chain_flags(preset, &preset.level_roughness(preset.size, false), preset.kernel)?;
+    flags += &format!(" --irradiance {}", preset.irradiance.name());
     if preset.irradiance == IrradianceKind::Cube {
         flags += &format!(" --irradiance-size {}", preset.irradiance_size);
         if preset.irradiance_format != preset.format {
@@ -259,7 +283,6 @@ fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
     if preset.sh != ShConvention::Kiln {
         flags += &format!(" --sh {}", preset.sh.name());
     }
-    flags += &format!(" --kernel {}", preset.kernel.name());
     if let Levels::DownTo(last) = preset.levels {
         flags += &format!(" ({n} levels, down to {last} texels)");
     }

@@ -3,7 +3,7 @@
 use super::adjustment::AdjustArgs;
 use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs};
 use super::console::Console;
-use super::table::warn_of_packing;
+use super::packing::{Packed, warn_of_packing};
 use clap::{Args, ValueEnum};
 use kiln::bake::Source;
 use kiln::certificate::{Certificate, Level};
@@ -12,7 +12,7 @@ use kiln::engine;
 use kiln::environment::spherical_harmonics::IrradianceFit;
 use kiln::environment::{
     Fit, InputLayout, InputReport, InstructionSet, KernelKind, Layout, Negatives, NonFinite, Orientation, ShConvention,
-    SphereLayout, View,
+    SphereLayout, View, atlas,
 };
 use kiln::format::FormatSpec;
 use kiln::language::Language;
@@ -113,7 +113,8 @@ pub struct Env {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum InputLayoutName {
-    /// A cube if it is a cube texture, six files named as faces, 4:3, 3:4, 6:1 or 1:6; else a panorama
+    /// A cube if it is a cube texture, six files named as faces, 4:3, 3:4, 6:1 or 1:6; an atlas if it says that it is packed as one; else a
+    /// panorama
     Auto,
     /// A panorama, whatever its proportions
     Panorama,
@@ -125,6 +126,9 @@ enum InputLayoutName {
     Cube,
     /// One square, as --layout octahedral writes it; of mips the largest, as of a panorama's
     Octahedral,
+    /// PlayCanvas' atlas, as --layout atlas writes it, of which the largest mirror is read: the world as that engine shows it. Codes that do
+    /// not say what they are, are RGBP
+    Atlas,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -174,6 +178,8 @@ enum ShName {
     Threejs,
     /// PlayCanvas' ambientSH
     Playcanvas,
+    /// Unity's SphericalHarmonicsL2
+    Unity,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -300,6 +306,7 @@ impl Env {
             Some(ShName::Babylon) => ShConvention::Babylon,
             Some(ShName::Threejs) => ShConvention::Threejs,
             Some(ShName::Playcanvas) => ShConvention::Playcanvas,
+            Some(ShName::Unity) => ShConvention::Unity,
         };
         recipe.kernel = match self.kernel {
             None => recipe.kernel,
@@ -319,6 +326,7 @@ impl Env {
             InputLayoutName::Strip => InputLayout::Strip,
             InputLayoutName::Cube => InputLayout::Cube,
             InputLayoutName::Octahedral => InputLayout::Octahedral,
+            InputLayoutName::Atlas => InputLayout::Atlas,
         };
         recipe.to = match self.to {
             TargetName::Rec709 => TargetColour::Rec709,
@@ -442,7 +450,9 @@ pub fn bake_environment(
         levels.join(", "),
         baked.certificate.checks.len()
     ));
-    warn_of_packing(console, &target.display().to_string(), recipe.cube_format()?, &baked.certificate.packing);
+    let brightest = source.panorama.max().into_iter().fold(0.0, |most: f32, v| most.max(v)).into();
+    let packed = Packed::Maps { layout: recipe.layout, adjust: &recipe.adjust, brightest };
+    warn_of_packing(console, &target.display().to_string(), recipe.format, packed, &baked.certificate.packing)?;
     Ok(baked.certificate)
 }
 
@@ -466,6 +476,12 @@ fn warn_of_input(recipe: &EnvironmentRecipe, report: &InputReport, console: &Con
     let [width, height] = report.size;
     if report.layout == Layout::Octahedral {
         console.note(&format!("{}: read as an octahedral map of {width}²", recipe.input));
+    } else if report.layout == Layout::Atlas {
+        let inside = [width, height].map(|n| n - 2 * atlas::BORDER);
+        console.note(&format!(
+            "{}: read as an atlas of PlayCanvas, its mirror of {} × {}",
+            recipe.input, inside[0], inside[1]
+        ));
     } else if report.layout != Layout::Panorama {
         console.note(&format!("{}: read as a {}, faces of {width}²", recipe.input, report.layout));
     } else if width != 2 * height {

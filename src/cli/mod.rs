@@ -19,6 +19,7 @@ mod identify;
 mod info;
 mod list;
 mod man;
+mod packing;
 mod shader;
 mod show;
 mod table;

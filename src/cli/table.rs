@@ -2,12 +2,12 @@
 
 use super::arguments::{Channels, EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
 use super::console::Console;
+use super::packing::{Packed, warn_of_packing};
 use clap::Args;
 use kiln::certificate::Certificate;
 use kiln::format::{Container, FormatSpec};
 use kiln::language::Language;
 use kiln::math::warp::Warp;
-use kiln::pack::{PackReport, TexelFormat};
 use kiln::recipe::{ArrayRecipe, TableRecipe};
 use kiln::table::{Axis, Layout, Point, named};
 use kiln::{Error, Result};
@@ -200,7 +200,7 @@ pub fn bake_table(
     let mut baked = baked?;
     baked.add_shader(languages)?;
     let paths = baked.write(folder)?;
-    report(console, &baked.certificate, recipe.texel_format()?, &paths);
+    report(console, &baked.certificate, recipe, &paths)?;
     Ok(baked.certificate)
 }
 
@@ -216,14 +216,14 @@ pub fn bake_array(recipe: &ArrayRecipe, folder: &Path, console: &Console) -> Res
     let paths = baked.write(folder)?;
     for (i, (table, certificate)) in tables.iter().zip(&baked.certificates).enumerate() {
         let layer = format!("{}, layer {i}", paths.first().map_or(folder, PathBuf::as_path).display());
-        report(console, certificate, table.texel_format()?, &[layer.into()]);
+        report(console, certificate, table, &[layer.into()])?;
     }
     Ok(baked.certificates)
 }
 
 /// Says what was written and how wrong it may be.
-fn report(console: &Console, certificate: &Certificate, format: TexelFormat, paths: &[PathBuf]) {
-    let Some(path) = paths.first() else { return };
+fn report(console: &Console, certificate: &Certificate, recipe: &TableRecipe, paths: &[PathBuf]) -> Result<()> {
+    let Some(path) = paths.first() else { return Ok(()) };
     let errors: Vec<String> = certificate
         .channels
         .iter()
@@ -236,22 +236,6 @@ fn report(console: &Console, certificate: &Certificate, format: TexelFormat, pat
         let fate = if fit.kept { "" } else { "; exact texels are kept" };
         console.note(&format!("{channel} through bilinear filtering: RMS {rms}, at most {max}{fate}"));
     }
-    warn_of_packing(console, &path.display().to_string(), format, &certificate.packing);
-}
-
-/// Says what packing had to change.
-pub fn warn_of_packing(console: &Console, what: &str, format: TexelFormat, packing: &PackReport) {
-    if packing.overflowed > 0 {
-        console.warn(&format!(
-            "{what}: {} values beyond the largest that {format} holds, {}, were clamped to it; use an f32 format to keep them",
-            packing.overflowed,
-            format.largest(0)
-        ));
-    }
-    if packing.negative > 0 && !format.is_signed() {
-        console.warn(&format!(
-            "{what}: {} values below zero are 0 in {format}, which has no sign; use rgba16f to keep them",
-            packing.negative
-        ));
-    }
+    let packed = Packed::Table(recipe.channels.len());
+    warn_of_packing(console, &path.display().to_string(), recipe.format, packed, &certificate.packing)
 }

@@ -5,13 +5,26 @@ use super::*;
 pub(super) static BABYLON: Engine = Engine {
     name: "babylon",
     title: "Babylon.js' PBRMaterial",
-    tables: &[EngineTable {
-        file: "environmentBRDF.png",
-        format: "png:rgbd",
-        channels: &["ggx.bias", "ggx.albedo", "charlie.albedo"],
-        axes: &["mu:256", "roughness:256"],
-        ..PLAIN
-    }],
+    tables: &[
+        EngineTable {
+            file: "environmentBRDF.png",
+            format: "png:rgbd",
+            channels: &["ggx.bias", "ggx.albedo", "charlie.albedo"],
+            axes: &["mu:256", "roughness:256"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "ggx-f82",
+            file: "openPBREnvironmentBRDF.png",
+            format: "png:rgbd",
+            // The shader divides the third by its BRDF_Z_SCALE.
+            channels: &["ggx.bias", "ggx.albedo", "ggx.f82:*16"],
+            axes: &["mu:128", "roughness:128"],
+            // Sixteen times the usual one.
+            tolerance: Some(2e-6),
+            ..PLAIN
+        },
+    ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,
         size: 256,
@@ -27,9 +40,11 @@ pub(super) static BABYLON: Engine = Engine {
         specular_file: "{name}.env",
         irradiance_file: "{name}_irradiance.env",
         sh: ShConvention::Babylon,
+        sheen_file: "",
     }),
     sources: &[
         "BabylonJS/Babylon.js: hdrFiltering.ts, hdrFilteringFunctions.fx, environmentTextureTools.pure.ts, cubemapToSphericalPolynomial.ts, getBRDFLookup",
+        "BabylonJS/Babylon.js 9.34.0: brdfTextureTools.js, pbrBRDFFunctions.js, openpbrEnvironmentLighting.js; the table in it agrees with this one to its codes",
         "measured in Babylon.js 9.34.0: which files its loaders take, and which way they show them",
     ],
     from_memory: &["that the table's third channel is Charlie's with Neubelt's visibility"],
@@ -37,6 +52,10 @@ pub(super) static BABYLON: Engine = Engine {
         "the world is left-handed: glTF's +X, as Babylon.js imports it, is -X, and the cube is mirrored to match",
         "at r = 1 the irradiance is read, not a specular level; levels beyond alpha 1 hold alpha 1",
     ],
-    missing: &["the OpenPBR tables (F82 in the third channel; fuzz)", "areaLightsLTC: linearly transformed cosines"],
-    usage: "CubeTexture.CreateFromPrefilteredData; scene.environmentBRDFTexture takes the table, decoded from RGBD",
+    missing: &[
+        "the fuzz of OpenPBR: linearly transformed cosines of a sheen that scatters more than once",
+        "areaLightsLTC: linearly transformed cosines",
+    ],
+    usage: "CubeTexture.CreateFromPrefilteredData; scene.environmentBRDFTexture takes the table, isRGBD set, and scene.openPBREnvironmentBRDFTexture that of \
+            OpenPBR materials, before the first of them is made",
 };

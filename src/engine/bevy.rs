@@ -27,6 +27,7 @@ pub(super) static BEVY: Engine = Engine {
         specular_file: "{name}_specular_rgb9e5_zstd.ktx2",
         irradiance_file: "{name}_diffuse_rgb9e5_zstd.ktx2",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &[
         "bevyengine/bevy: crates/bevy_pbr/src/lib.rs, render/pbr_lighting.wesl, light_probe/, environment_map/dfg.ktx2",

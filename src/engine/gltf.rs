@@ -22,6 +22,15 @@ pub(super) static GLTF: Engine = Engine {
             axes: &["mu:256", "roughness:256"],
             ..PLAIN
         },
+        EngineTable {
+            name: "sheen-albedo",
+            file: "lut_sheen_E.png",
+            format: "png:r8unorm",
+            channels: &["charlie.albedo:min(y,1)"],
+            axes: &["mu:256", "roughness:256"],
+            visibility: Visibility::Charlie,
+            ..PLAIN
+        },
     ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,
@@ -38,19 +47,22 @@ pub(super) static GLTF: Engine = Engine {
         specular_file: "specular.ktx2",
         irradiance_file: "diffuse.ktx2",
         sh: ShConvention::Kiln,
+        sheen_file: "charlie/sheen.ktx2",
     }),
     sources: &[
-        "KhronosGroup/glTF-IBL-Sampler: filter.frag, lib.cpp; KhronosGroup/glTF-Sample-Viewer: ibl.glsl (0120a8e)",
+        "KhronosGroup/glTF-IBL-Sampler: filter.frag (6c818da), lib.cpp; KhronosGroup/glTF-Sample-Viewer: ibl.glsl (0120a8e), brdf.glsl, \
+         resource_loader.js",
     ],
     from_memory: &[
-        "that the sheen's visibility is Neubelt's, in the sampler",
+        "that lut_sheen_E.png is the albedo of the viewer's own sheen, of Estevez' visibility",
         "the size of 256 for the tables: the sampler makes them as large as the cube",
     ],
     warnings: &[
         "the viewer's level is r times the number that it is told: tell it one less than there are levels",
         "the sampler's Charlie table weights samples of the lobe as if they were uniform; the right one is baked",
+        "the sheen's chain, which kiln bake adds to the other, begins at roughness 0.07 instead of 0",
         "the sampler blurs by 1.8 levels too much, its solid angle lacking 4 pi; the right chain is baked",
     ],
-    missing: &["the Charlie chain beside the GGX one: bake it with --kernel charlie"],
-    usage: "replace the viewer's lut_ggx.png, lut_charlie.png, ggx/specular.ktx2 and lambertian/diffuse.ktx2",
+    missing: &[],
+    usage: "replace the viewer's lut_ggx.png, lut_charlie.png, lut_sheen_E.png, ggx/specular.ktx2, lambertian/diffuse.ktx2 and charlie/sheen.ktx2",
 };

@@ -29,6 +29,7 @@ pub(super) static GODOT: Engine = Engine {
         specular_file: "{name}_radiance.dds",
         irradiance_file: "{name}_irradiance.dds",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &[
         "godotengine/godot: integrate_dfg.glsl (e8387d6), octmap_roughness_raster.glsl, octmap_roughness_inc.glsl, the scene shader's V_GGX",

@@ -29,6 +29,7 @@ pub(super) static MATERIALX: Engine = Engine {
         specular_file: "{name}_specular.exr",
         irradiance_file: "{name}_irradiance.exr",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &[
         "AcademySoftwareFoundation/MaterialX: mx_generate_albedo_table.glsl, mx_microfacet_sheen.glsl, mx_environment_prefilter.glsl, Viewer.cpp",

@@ -26,6 +26,7 @@ mod wicked;
 
 pub use roughness::RoughnessMap;
 
+use crate::environment::chain::LEAST_SHEEN;
 use crate::environment::{BUILTIN_PREFIX, KernelKind, Orientation, ShConvention, SphereLayout};
 use crate::error::{Error, Result};
 use crate::integrate::Settings;
@@ -154,6 +155,8 @@ pub struct EngineEnvironment {
     pub irradiance_file: &'static str,
     /// Whose nine coefficients are written beside Kiln's.
     pub sh: ShConvention,
+    /// File of a chain for sheens, below the folder of the environment; empty where the engine has none.
+    pub sheen_file: &'static str,
 }
 
 /// Where a chain ends.
@@ -180,6 +183,16 @@ impl EngineEnvironment {
         let map = self.as_shipped.filter(|_| as_shipped).unwrap_or(self.roughness);
         let n = self.n_levels(size);
         (0..n).map(|level| map.roughness(level, n, size)).collect()
+    }
+
+    /// Whether there is another chain for sheens.
+    pub fn has_sheen(&self) -> bool {
+        !self.sheen_file.is_empty()
+    }
+
+    /// Roughness of each level of the chain for sheens: the lobe of roughness 0 would be the horizon itself.
+    pub fn sheen_roughness(&self) -> Vec<f64> {
+        self.level_roughness(self.size, false).into_iter().map(|r| r.max(LEAST_SHEEN)).collect()
     }
 
     /// Which way the cube is turned.
@@ -256,6 +269,25 @@ impl Engine {
             ..EnvironmentRecipe::new(input)
         }))
     }
+
+    /// The recipe of an environment for this engine's sheens, in the folder that it has there; none if it has no other chain for them.
+    ///
+    /// **Errors**: an input without a name.
+    pub fn sheen_recipe(&self, input: &str) -> Result<Option<EnvironmentRecipe>> {
+        let preset = self.environment.as_ref().filter(|preset| preset.has_sheen());
+        let (Some(preset), Some(own)) = (preset, self.environment_recipe(input, false)?) else { return Ok(None) };
+        let (directory, file) = preset.sheen_file.rsplit_once('/').unwrap_or(("", preset.sheen_file));
+        Ok(Some(EnvironmentRecipe {
+            directory: directory.to_owned(),
+            kernel: KernelKind::Charlie,
+            roughness: Some(preset.sheen_roughness()),
+            irradiance: IrradianceKind::None,
+            irradiance_format: None,
+            specular_file: Some(file.to_owned()),
+            irradiance_file: None,
+            ..own
+        }))
+    }
 }
 
 /// The name of an input: its file's without extension, or the built-in's.
@@ -281,7 +313,7 @@ pub fn find(name: &str) -> Result<&'static Engine> {
     })
 }
 
-/// Everything that the engines need: their tables in `ENGINE/`, each environment in `ENGINE/NAME/`.
+/// Everything that the engines need: their tables in `ENGINE/`, each environment in `ENGINE/NAME/`, its chain for sheens below that.
 ///
 /// **Errors**: two environments of the same name; engines that need nothing that could be baked.
 pub fn recipe(engines: &[&Engine], environments: &[String], as_shipped: bool) -> Result<Recipe> {
@@ -295,7 +327,11 @@ pub fn recipe(engines: &[&Engine], environments: &[String], as_shipped: bool) ->
         for input in environments {
             if let Some(own) = engine.environment_recipe(input, as_shipped)? {
                 let directory = format!("{}/{}", engine.name, name_of(input)?);
+                let sheen = engine
+                    .sheen_recipe(input)?
+                    .map(|sheen| EnvironmentRecipe { directory: format!("{directory}/{}", sheen.directory), ..sheen });
                 recipe.environments.push(EnvironmentRecipe { directory, ..own });
+                recipe.environments.extend(sheen);
             }
         }
     }

@@ -28,6 +28,7 @@ pub(super) static O3DE: Engine = Engine {
         specular_file: "{name}_iblspecularcm.dds",
         irradiance_file: "{name}_ibldiffusecm.dds",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &[
         "o3de/o3de: BRDFTextureCS.azsl, BRDFTexture.attimage, LightingUtils.azsli, Ibl.azsli, IBL*.preset, CCubeMapProcessor.cpp",

@@ -1,6 +1,7 @@
 //! PlayCanvas.
 
 use super::*;
+use crate::environment::atlas;
 
 pub(super) static PLAYCANVAS: Engine = Engine {
     name: "playcanvas",
@@ -13,8 +14,7 @@ pub(super) static PLAYCANVAS: Engine = Engine {
         roughness: RoughnessMap::Steps(5.0),
         as_shipped: Some(RoughnessMap::Elevenths),
         kernel: KernelKind::Nol,
-        // Tiles are panoramas with +Z in the middle, read at (−x, y, z).
-        orientation: "-z,y,x",
+        orientation: atlas::ORIENTATION,
         irradiance: IrradianceKind::Cube,
         irradiance_size: 32,
         format: "png:rgbp",
@@ -22,10 +22,11 @@ pub(super) static PLAYCANVAS: Engine = Engine {
         specular_file: "{name}_atlas.png",
         irradiance_file: "",
         sh: ShConvention::Playcanvas,
+        sheen_file: "",
     }),
     sources: &[
         "playcanvas/engine: env-lighting.js, reproject-texture.js, the chunks envAtlas, reflectionEnv, ambient, spherical, decode",
-        "measured in PlayCanvas 2.23.3: which files its loaders take, and which way they show them",
+        "measured in PlayCanvas 2.23.3: which files its loaders take, and what it renders of this one",
     ],
     from_memory: &[],
     warnings: &[
@@ -33,9 +34,10 @@ pub(super) static PLAYCANVAS: Engine = Engine {
         "PlayCanvas puts the middle of a panorama at +Z, Kiln at +X",
         "samplers blend the codes of RGBP, not the values: between texels of different p its shader sees something else",
         "values beyond 64 do not fit in RGBP: lower --exposure, and raise scene.skyboxIntensity",
+        "its shader lets reflectance rise to the largest of F0's three channels only: grey metals have no Fresnel",
     ],
     missing: &["an atlas larger than 512 x 512", "a DFG: none was seen in the shaders that were read"],
     usage: "load the PNG as a texture with { type: TEXTURETYPE_RGBP, projection: TEXTUREPROJECTION_EQUIRECT, mipmaps: false, addressU and addressV: \
-            ADDRESS_CLAMP_TO_EDGE } and set scene.envAtlas; scene.ambientSH takes the coefficients of sh.json. For a cube of half floats: \
+            ADDRESS_CLAMP_TO_EDGE } and set scene.envAtlas; ambientSH of a material takes the coefficients of sh.json, as Float32Array. For a cube of half floats: \
             --layout cube --format dds:rgba16f+legacy --orientation -x,y,z, and EnvLighting.generatePrefilteredAtlas",
 };

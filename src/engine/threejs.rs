@@ -27,6 +27,7 @@ pub(super) static THREEJS: Engine = Engine {
         specular_file: "{name}.ktx2",
         irradiance_file: "{name}_irradiance.ktx2",
         sh: ShConvention::Threejs,
+        sheen_file: "",
     }),
     sources: &[
         "mrdoob/three.js: src/nodes/functions/BSDF/DFGLUT.js, DFGLUTData.js; PMREMGenerator of pull request 34585",

@@ -37,10 +37,12 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         irradiance_format: "dds:bc6h",
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
-        sh: ShConvention::Kiln,
+        sh: ShConvention::Unity,
+        sheen_file: "",
     }),
     sources: &[
-        "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader, BSDF.hlsl, ImageBasedLighting.hlsl",
+        "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader, BSDF.hlsl, ImageBasedLighting.hlsl, \
+         SphericalHarmonics.cs",
     ],
     from_memory: &[
         "that the texture is A2B10G10R10; the file is of halves",
@@ -53,7 +55,7 @@ pub(super) static UNITY_HDRP: Engine = Engine {
     missing: &[
         "the x of the Charlie table, which is weighted by Schlick's (1 - VoH)^5",
         "the linearly transformed cosines of _LtcData",
-        "SphericalHarmonicsL2: take sh.json",
     ],
-    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse",
+    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse; SphericalHarmonicsL2[channel, i] is \
+            coefficients[i][channel] of sh.json",
 };

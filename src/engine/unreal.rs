@@ -29,6 +29,7 @@ pub(super) static UNREAL: Engine = Engine {
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &[],
     from_memory: &["all of it: check each value against your version before you rely on it"],

@@ -28,6 +28,7 @@ pub(super) static WICKED: Engine = Engine {
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
         sh: ShConvention::Kiln,
+        sheen_file: "",
     }),
     sources: &["turanszkij/WickedEngine: filterEnvMapCS.hlsl, lightingHF.hlsli, wiSheenLUT.h"],
     from_memory: &[

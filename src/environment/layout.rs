@@ -1,4 +1,5 @@
-//! How a picture holds an environment: as a panorama, as the six faces of a cube beside each other, or as an octahedral map.
+//! How a picture holds an environment: as a panorama, as the six faces of a cube beside each other, as an octahedral map, or in the tiles
+//! of an atlas.
 //!
 //! A cross unfolds the cube around +Z; all faces stand as they are, only the −Z at the foot of a vertical one is turned
 //! by 180°, so that it goes on where −Y ends. A strip is the six faces in their order.
@@ -15,6 +16,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::atlas;
 use super::cube::Cube;
 use crate::error::{Error, Result};
 
@@ -22,8 +24,8 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum InputLayout {
-    /// What it looks like: a cube texture, six files that are named as faces, a cross or a strip by its proportions, else a
-    /// panorama.
+    /// What it looks like: a cube texture, six files that are named as faces, a cross or a strip by its proportions, an atlas by its
+    /// packing, else a panorama.
     #[default]
     Auto,
     /// A panorama, whatever its proportions.
@@ -36,6 +38,8 @@ pub enum InputLayout {
     Cube,
     /// One square, as [`octahedral`](super::octahedral) lays it out. A square picture does not say that it is one, so this must.
     Octahedral,
+    /// PlayCanvas' [`atlas`], of which the largest mirror is read. Codes that do not say what they are, are RGBP.
+    Atlas,
 }
 
 /// What an input was read as.
@@ -59,6 +63,8 @@ pub enum Layout {
     VerticalStrip,
     /// An octahedral map.
     Octahedral,
+    /// The mirror in PlayCanvas' atlas.
+    Atlas,
 }
 
 impl fmt::Display for Layout {
@@ -72,13 +78,14 @@ impl fmt::Display for Layout {
             Self::HorizontalStrip => "horizontal strip",
             Self::VerticalStrip => "vertical strip",
             Self::Octahedral => "octahedral map",
+            Self::Atlas => "atlas",
         })
     }
 }
 
 /// What a picture of this size is. [`Layout::Panorama`] includes what is nothing in particular.
 ///
-/// **Errors**: a cross, a strip or an octahedral map that is asked for and cannot be one.
+/// **Errors**: a cross, a strip, an octahedral map or an atlas that is asked for and cannot be one.
 pub fn layout_of(width: usize, height: usize, asked: InputLayout) -> Result<Layout> {
     let is = |layout: Layout| {
         cells(layout).is_some_and(|(columns, rows, _)| face_size(width, height, columns, rows).is_some())
@@ -102,6 +109,11 @@ pub fn layout_of(width: usize, height: usize, asked: InputLayout) -> Result<Layo
             format!("a picture of {width} × {height}, where an octahedral map is square"),
             "crop it, or use --input-layout panorama",
         )),
+        InputLayout::Atlas if [width, height] == [atlas::EDGE; 2] => Ok(Layout::Atlas),
+        InputLayout::Atlas => Err(Error::invalid(
+            format!("a picture of {width} × {height}, where PlayCanvas' atlas is {0} × {0}", atlas::EDGE),
+            "give the whole atlas, or use --input-layout panorama",
+        )),
         InputLayout::Cube => Err(Error::usage(
             format!("one picture of {width} × {height}, where a cube texture or six files are wanted"),
             "name one of six files (sky_px.hdr), use a pattern (sky_%s.hdr), or --input-layout cross or strip",
@@ -119,7 +131,7 @@ fn cells(layout: Layout) -> Option<Cells> {
         Layout::VerticalCross => Some((3, 4, [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (1, 3)])),
         Layout::HorizontalStrip => Some((6, 1, [0, 1, 2, 3, 4, 5].map(|i| (i, 0)))),
         Layout::VerticalStrip => Some((1, 6, [0, 1, 2, 3, 4, 5].map(|i| (0, i)))),
-        Layout::Panorama | Layout::CubeTexture | Layout::SixFiles | Layout::Octahedral => None,
+        Layout::Panorama | Layout::CubeTexture | Layout::SixFiles | Layout::Octahedral | Layout::Atlas => None,
     }
 }
 

@@ -64,6 +64,15 @@ impl Orientation {
         lookup
     }
 
+    /// The orientation that undoes this one: what it calls the world is what this one looks up.
+    pub fn inverse(&self) -> Self {
+        let mut world = [(0, false); 3];
+        for (component, (axis, negated)) in self.world.into_iter().enumerate() {
+            world[axis] = (component, negated);
+        }
+        Self { world }
+    }
+
     /// The components (which of the lookup's, and its sign) of the world's x, y and z.
     pub fn components(&self) -> [(usize, f64); 3] {
         self.world.map(|(axis, negated)| (axis, if negated { -1.0 } else { 1.0 }))

@@ -1,14 +1,14 @@
-//! What a file holds, before repairs: the texels of a panorama, of the six faces of a cube or of an octahedral map.
+//! What a file holds, before repairs: the texels of a panorama, of the six faces of a cube, of an octahedral map or of an atlas' mirror.
 
 use std::path::PathBuf;
 
 use super::cube::{Cube, FACES, solid_angles};
 use super::from_cube::from_cube;
 use super::layout::{InputLayout, Layout, layout_of, unfold};
-use super::octahedral;
 use super::panorama::{Panorama, check_shape, row_solid_angle};
 use super::repair::{InputReport, Negatives, NonFinite, Policy, repair};
 use super::sphere_map::{SphereLayout, SphereMap};
+use super::{atlas, octahedral};
 use crate::colour::{Primaries, TargetColour};
 use crate::error::{Error, Result};
 use crate::format::{Image, Texture, memory};
@@ -16,7 +16,7 @@ use crate::format::{Image, Texture, memory};
 /// Texels as they were read.
 pub(super) struct Raw {
     layout: Layout,
-    /// Width and height of the panorama, of the square, or of a face.
+    /// Width and height of the panorama, of the square, of the mirror with its border, or of a face.
     size: [usize; 2],
     texels: Vec<[f32; 3]>,
     /// Whether all three channels are one.
@@ -51,6 +51,11 @@ impl Raw {
         let texels: Vec<[f32; 3]> =
             image.texels.chunks_exact(stride).map(|texel| channels.map(|channel| texel[channel])).collect();
         let (grey, stated) = (channels[0] == channels[2], image.primaries);
+        if layout == Layout::Atlas {
+            let mirror = atlas::specular(0);
+            let texels = atlas::cut(&texels, &mirror)?;
+            return Ok(Self { layout, size: SphereLayout::Atlas.shape(mirror.size).0, texels, grey, stated });
+        }
         Ok(match unfold(&texels, width, layout) {
             Some(cube) => Self { layout, size: [cube.size; 2], texels: cube.texels, grey, stated },
             None => Self { layout, size: [width, height], texels, grey, stated },
@@ -72,7 +77,13 @@ impl Raw {
             ));
         }
         if texture.faces != 6 {
-            return Self::of_image(&picture(0), asked);
+            let asked = if asked == InputLayout::Auto && atlas::is(texture) { InputLayout::Atlas } else { asked };
+            if asked != InputLayout::Atlas {
+                return Self::of_image(&picture(0), asked);
+            }
+            let texels = atlas::colours(texture)?.into_flattened();
+            let image = Image::new(texture.width, texture.height, &["R", "G", "B"], texels)?;
+            return Self::of_image(&Image { primaries: Some(texture.primaries), ..image }, asked);
         }
         if !matches!(asked, InputLayout::Auto | InputLayout::Cube) {
             return Err(Error::usage(
@@ -129,14 +140,15 @@ impl Raw {
         Ok(Self { layout: Layout::SixFiles, size: [image.width; 2], texels, grey, stated: image.primaries })
     }
 
-    /// The panorama that is filtered: repaired, converted, a cube or an octahedral map resampled by the exact overlaps of texels.
+    /// The panorama that is filtered: repaired, converted, anything else resampled by the exact overlaps of texels.
     pub(super) fn finish(mut self, policy: Policy) -> Result<(Panorama, InputReport)> {
         let [width, height] = self.size;
-        let is_cube = !matches!(self.layout, Layout::Panorama | Layout::Octahedral);
+        let is_cube = !matches!(self.layout, Layout::Panorama | Layout::Octahedral | Layout::Atlas);
         // One solid angle for each texel of a face or of the square, or for each row of a panorama.
         let (angles, run): (Vec<f64>, usize) = match self.layout {
             Layout::Panorama => ((0..height).map(|row| row_solid_angle(width, height, row)).collect(), width),
             Layout::Octahedral => (octahedral::solid_angles(width), 1),
+            Layout::Atlas => (SphereLayout::Atlas.solid_angles(height), 1),
             _ => (solid_angles(width), 1),
         };
         let place = |i: usize| {
@@ -153,6 +165,9 @@ impl Raw {
                 size: width,
                 texels: self.texels,
             })?,
+            Layout::Atlas => {
+                atlas::to_world(&SphereMap { layout: SphereLayout::Atlas, size: height, texels: self.texels })?
+            }
             _ => from_cube(&Cube { size: width, texels: self.texels })?,
         };
         Ok((panorama.with_primaries(report.primaries), report))

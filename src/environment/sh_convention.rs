@@ -24,6 +24,8 @@ pub enum ShConvention {
     Threejs,
     /// PlayCanvas' `ambientSH`: E/π of plain polynomials in another order.
     Playcanvas,
+    /// Unity's `SphericalHarmonicsL2`: what Filament's hold, for Unity's left-handed world.
+    Unity,
 }
 
 /// E/π as a polynomial in the direction, per channel; on the unit sphere x² + y² + z² = 1, so that `constant` is also that much of
@@ -96,7 +98,8 @@ impl Polynomial {
 
 impl ShConvention {
     /// Every convention.
-    pub const ALL: [Self; 5] = [Self::Kiln, Self::Filament, Self::Babylon, Self::Threejs, Self::Playcanvas];
+    pub const ALL: [Self; 6] =
+        [Self::Kiln, Self::Filament, Self::Babylon, Self::Threejs, Self::Playcanvas, Self::Unity];
 
     /// The word that recipes use.
     pub fn name(self) -> &'static str {
@@ -106,6 +109,7 @@ impl ShConvention {
             Self::Babylon => "babylon",
             Self::Threejs => "threejs",
             Self::Playcanvas => "playcanvas",
+            Self::Unity => "unity",
         }
     }
 
@@ -113,7 +117,7 @@ impl ShConvention {
     pub fn order(self) -> [&'static str; 9] {
         match self {
             Self::Kiln | Self::Threejs => super::spherical_harmonics::ORDER,
-            Self::Filament => ["1", "y", "z", "x", "xy", "yz", "3z^2-1", "xz", "x^2-y^2"],
+            Self::Filament | Self::Unity => ["1", "y", "z", "x", "xy", "yz", "3z^2-1", "xz", "x^2-y^2"],
             Self::Babylon => ["x", "y", "z", "x^2", "y^2", "z^2", "yz", "zx", "xy"],
             Self::Playcanvas => ["1", "x", "y", "z", "xz", "zy", "yx", "3z^2-1", "x^2-y^2"],
         }
@@ -123,7 +127,9 @@ impl ShConvention {
     pub fn holds(self) -> &'static str {
         match self {
             Self::Kiln => "E/pi, orthonormal basis",
-            Self::Filament | Self::Babylon | Self::Playcanvas => "E/pi, factors of the polynomials as they stand",
+            Self::Filament | Self::Babylon | Self::Playcanvas | Self::Unity => {
+                "E/pi, factors of the polynomials as they stand"
+            }
             Self::Threejs => "radiance, orthonormal basis; the shader gives E",
         }
     }
@@ -144,7 +150,7 @@ impl ShConvention {
         let [one, zz, xx_yy] = p.harmonic();
         let canonical = [one, y, z, x, xy, yz, zz, zx, xx_yy];
         match self {
-            Self::Filament => canonical,
+            Self::Filament | Self::Unity => canonical,
             Self::Kiln => std::array::from_fn(|i| times(canonical[i], 1.0 / normalisation()[i])),
             Self::Threejs => std::array::from_fn(|i| times(canonical[i], 1.0 / (normalisation()[i] * COSINE_LOBE[i]))),
             Self::Babylon => {
@@ -180,6 +186,16 @@ mod tests {
             ShConvention::Kiln => (evaluate(c, n), 1e-13),
             ShConvention::Filament => {
                 (sum([1.0, y, z, x, y * x, y * z, 3.0 * z * z - 1.0, z * x, x * x - y * y]), 1e-13)
+            }
+            // HDRP's seven vectors, as it packs them: linear and constant, four products, the last.
+            ShConvention::Unity => {
+                let packed = |k: usize| {
+                    let [a, b] =
+                        [[c[3][k], c[1][k], c[2][k], c[0][k] - c[6][k]], [c[4][k], c[5][k], 3.0 * c[6][k], c[7][k]]];
+                    let linear = a[0] * x + a[1] * y + a[2] * z + a[3];
+                    linear + b[0] * x * y + b[1] * y * z + b[2] * z * z + b[3] * z * x + c[8][k] * (x * x - y * y)
+                };
+                ([0, 1, 2].map(packed), 1e-13)
             }
             ShConvention::Babylon => (sum([x, y, z, x * x, y * y, z * z, y * z, z * x, x * y]), 1e-13),
             ShConvention::Playcanvas => {
@@ -232,6 +248,7 @@ mod tests {
         let identity = Orientation::default();
         let column = |s: ShConvention| s.coefficients(&c, &identity).map(|rgb| (rgb[0] * 1e12).round() / 1e12);
         assert_eq!(column(ShConvention::Babylon), [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(column(ShConvention::Unity), column(ShConvention::Filament));
         assert_eq!(column(ShConvention::Filament), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!((column(ShConvention::Threejs)[0] - (4.0 * PI).sqrt()).abs() < 1e-11);
     }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::atlas;
 use super::builtin::{DEFAULT_WIDTH, builtin};
 use super::face_files::{self, PLACEHOLDER};
 use super::layout::InputLayout;
@@ -29,7 +30,8 @@ pub struct Reading {
 }
 
 /// The panorama that `input` names: `builtin:NAME`; the path of an `.hdr`, an `.exr`, or of a texture (`.ktx2`, `.ktx`, `.dds`, `.env`); six files as one of them
-/// (`sky_px.hdr`), as a pattern (`sky_%s.hdr`) or as their folder. A cube becomes a panorama as [`mod@super::from_cube`] says.
+/// (`sky_px.hdr`), as a pattern (`sky_%s.hdr`) or as their folder. A cube becomes a panorama as [`mod@super::from_cube`] says. Of an [`atlas`] of PlayCanvas it
+/// is the world that the engine shows.
 ///
 /// **Errors**: a file that cannot be read, is no environment, is not of the layout asked for, or holds values that the policies
 /// refuse; a cube with faces missing or unequal.
@@ -58,7 +60,7 @@ fn read_one(path: &Path, asked: InputLayout) -> Result<Raw> {
     let image = match decoded {
         Decoded::Picture(image, _) => image,
         Decoded::Texture(texture) => {
-            check_is_light(kind, &texture).map_err(in_file)?;
+            check_is_light(kind, &texture, asked).map_err(in_file)?;
             return Raw::of_texture(&texture, asked).map_err(in_file);
         }
         Decoded::Array(_) => {
@@ -73,12 +75,14 @@ fn read_one(path: &Path, asked: InputLayout) -> Result<Raw> {
     Raw::of_image(&image, asked).map_err(in_file)
 }
 
-/// Numbers of 8 or 16 bits are light only where it is said that their curve is none; a PNG's is anything.
-fn check_is_light(kind: FileKind, texture: &Texture) -> Result<()> {
-    if kind == FileKind::Png && texture.format.number().is_some() {
+/// Numbers of 8 or 16 bits are light only where it is said that their curve is none; a PNG's is anything, unless they are the codes of an
+/// atlas.
+fn check_is_light(kind: FileKind, texture: &Texture, asked: InputLayout) -> Result<()> {
+    let format = if asked == InputLayout::Atlas { atlas::format_of(texture) } else { texture.format };
+    if kind == FileKind::Png && format.number().is_some() {
         return Err(Error::unsupported(
             format!("a PNG picture of {}, whose values are of an unknown curve and end at 1", texture.format),
-            "give an OpenEXR (.exr) or Radiance HDR (.hdr) file",
+            "give an OpenEXR (.exr) or Radiance HDR (.hdr) file; of an atlas of PlayCanvas say --input-layout atlas",
         ));
     }
     if texture.array_layers > 1 {

@@ -3,7 +3,6 @@
 //! This is the one place that knows layouts ([`cube`](super::cube), [`octahedral`], [`equirect`], [`atlas`] each know their own formulas): chains,
 //! checks, verification and conversion ask here.
 
-use std::f64::consts::PI;
 use std::fmt;
 use std::str::FromStr;
 
@@ -72,6 +71,21 @@ impl SphereLayout {
         *self == Self::Cube
     }
 
+    /// The word for several.
+    pub fn plural(self) -> &'static str {
+        match self {
+            Self::Cube => "cubes",
+            Self::Octahedral => "octahedral maps",
+            Self::Equirect => "panoramas",
+            Self::Atlas => "atlases",
+        }
+    }
+
+    /// Texels around a map that only repeat others of it.
+    fn border(self) -> usize {
+        if self == Self::Atlas { atlas::BORDER } else { 0 }
+    }
+
     /// Width and height of a picture, and how many there are.
     pub fn shape(self, size: usize) -> ([usize; 2], usize) {
         match self {
@@ -123,8 +137,7 @@ impl SphereLayout {
         match self {
             Self::Cube => cube::solid_angles(size).repeat(6),
             Self::Octahedral => octahedral::solid_angles(size),
-            Self::Equirect => equirect::solid_angles(size),
-            Self::Atlas => atlas::solid_angles(size),
+            Self::Equirect | Self::Atlas => equirect::solid_angles(size, self.border()),
         }
     }
 
@@ -149,8 +162,7 @@ impl SphereLayout {
     /// The texel at a column and a row that may be one beyond the border. Not of cubes.
     pub(super) fn texel(self, size: usize, column: isize, row: isize) -> usize {
         match self {
-            Self::Equirect => equirect::texel(size, column, row),
-            Self::Atlas => atlas::texel(size, column, row),
+            Self::Equirect | Self::Atlas => equirect::texel(size, column, row),
             _ => octahedral::texel(size, column, row),
         }
     }
@@ -158,8 +170,7 @@ impl SphereLayout {
     /// Column and row of a direction, counted from the centres of the first. Not of cubes.
     fn locate(self, size: usize, direction: DVec3) -> [f64; 2] {
         match self {
-            Self::Equirect => equirect::locate(size, direction),
-            Self::Atlas => atlas::locate(size, direction),
+            Self::Equirect | Self::Atlas => equirect::locate(size, self.border(), direction),
             _ => octahedral::locate(direction).map(|t| (t + 1.0) / 2.0 * size as f64 - 0.5),
         }
     }
@@ -167,8 +178,7 @@ impl SphereLayout {
     /// The unit direction at a column and a row, counted from the centres of the first. Not of cubes.
     pub(super) fn direction_at(self, size: usize, at: [f64; 2]) -> DVec3 {
         match self {
-            Self::Equirect => equirect::direction_at(size, at),
-            Self::Atlas => atlas::direction_at(size, at),
+            Self::Equirect | Self::Atlas => equirect::direction_at(size, self.border(), at),
             _ => {
                 let [u, v] = at.map(|t| ((2.0 * t + 1.0 - size as f64) / size as f64).clamp(-1.0, 1.0));
                 octahedral::point(u, v).normalize()
@@ -179,8 +189,7 @@ impl SphereLayout {
     /// Solid angle per texel at such a place. Not of cubes.
     pub(super) fn density(self, size: usize, [x, y]: [f64; 2]) -> f64 {
         match self {
-            Self::Equirect => (PI / size as f64).powi(2) * (PI * (y + 0.5) / size as f64).sin(),
-            Self::Atlas => atlas::density(size, y),
+            Self::Equirect | Self::Atlas => equirect::density(size, self.border(), y),
             _ => {
                 let [u, v] = [x, y].map(|t| (2.0 * t + 1.0 - size as f64) / size as f64);
                 (2.0 / size as f64).powi(2) / octahedral::point(u, v).length().powi(3)
@@ -251,8 +260,10 @@ impl SphereMap {
         match layout {
             SphereLayout::Cube => Ok(orientation.apply(&area_average(panorama, size)).into()),
             SphereLayout::Octahedral => Ok(octahedral::area_average(panorama, size, orientation)),
-            SphereLayout::Equirect => equirect::area_average(panorama, size, orientation),
-            SphereLayout::Atlas => atlas::area_average(panorama, size, orientation),
+            SphereLayout::Equirect | SphereLayout::Atlas => {
+                let texels = equirect::area_average(panorama, size, layout.border(), orientation)?;
+                Ok(Self { layout, size, texels })
+            }
         }
     }
 
@@ -263,8 +274,7 @@ impl SphereMap {
         match self.layout {
             SphereLayout::Cube => super::from_cube(&Cube { size: self.size, texels: self.texels.clone() }),
             SphereLayout::Octahedral => octahedral::to_panorama(self),
-            SphereLayout::Equirect => Panorama::new(2 * self.size, self.size, self.texels.clone()),
-            SphereLayout::Atlas => atlas::to_panorama(self),
+            SphereLayout::Equirect | SphereLayout::Atlas => equirect::to_panorama(self, self.layout.border()),
         }
     }
 
@@ -322,11 +332,11 @@ mod tests {
     fn every_texel_is_nearest_in_its_own_direction_and_seen_there() {
         for layout in SphereLayout::ALL {
             // A tile of an atlas has a border of one texel.
-            let is_atlas = layout == SphereLayout::Atlas;
-            for size in if is_atlas { [3, 4, 5, 16] } else { [1, 2, 5, 16] } {
+            let border = layout.border();
+            for size in if border > 0 { [3, 4, 5, 16] } else { [1, 2, 5, 16] } {
                 for i in 0..layout.texels(size) {
                     let direction = layout.direction(size, i);
-                    if is_atlas && atlas::is_border(size, i) {
+                    if border > 0 && equirect::is_border(size, border, i) {
                         // It repeats another, which is found instead.
                         let own = layout.direction(size, layout.nearest(size, direction));
                         assert!((own - direction).length() < 1e-14, "{size}, {i}");

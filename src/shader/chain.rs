@@ -70,12 +70,6 @@ pub(super) fn shader(
         })
     };
     let value = |value: String| vec![Statement::Return(value)];
-    if recipe.layout == SphereLayout::Atlas {
-        return Err(Error::unsupported(
-            "shader code for an atlas, which PlayCanvas' own shader reads",
-            "leave --shader out, or bake another layout, such as --layout equirect",
-        ));
-    }
     let roughness = recipe.level_roughness();
     let level = level_of_roughness(&roughness)?;
     let [specular_texel, irradiance_texel] = [recipe.format, recipe.format_of_irradiance()].map(|f| f.texel(3));
@@ -94,11 +88,14 @@ pub(super) fn shader(
     let specular = Map { texture: "specular", decode: specular_decoder.is_some().then_some("decode"), sizes };
     let own = Map { texture: "irradiance", decode: irradiance_decode, sizes: vec![recipe.irradiance_size] };
     let mut items: Vec<Item> = [specular_decoder, irradiance_decoder].into_iter().flatten().collect();
-    let noun = recipe.layout.noun();
+    let (noun, is_atlas) = (recipe.layout.noun(), recipe.layout == SphereLayout::Atlas);
     items.extend([
         function(
             "direction",
-            &format!("The vector to look up in the {noun}s for a direction of the world, which is right-handed, +Y up."),
+            &format!(
+                "The vector to look up in the {} for a direction of the world, which is right-handed, +Y up.",
+                recipe.layout.plural()
+            ),
             &[("direction", Type::Vec3)],
             Type::Vec3,
             value(lookup_vector(&recipe.orientation)),
@@ -122,9 +119,25 @@ pub(super) fn shader(
         Type::Vec3,
         lookup.body(&specular, "mirror", &format!("{name}_level(roughness)")),
     ));
+    if is_atlas {
+        items.push(function(
+            "mirror",
+            "The environment in a direction, level `mip` of the mirror's sizes: where pixels look p texels of the largest apart, log2(p).",
+            &[("specular", lookup.texture()), ("direction", Type::Vec3), ("mip", Type::Float)],
+            Type::Vec3,
+            lookup.mirror_tiles(&specular),
+        ));
+    }
     items.extend(harmonics::items(name, sh.map(|sh| (sh, certificate.sh))));
     let last = roughness.len().saturating_sub(1);
     items.extend(match recipe.irradiance {
+        IrradianceKind::Cube if is_atlas => Some(function(
+            "irradiance",
+            "Irradiance over pi, of the atlas' tile of it: times the albedo it is what a diffuse surface reflects.",
+            &[("specular", lookup.texture()), ("normal", Type::Vec3)],
+            Type::Vec3,
+            lookup.irradiance_tile("specular"),
+        )),
         IrradianceKind::Cube => Some(function(
             "irradiance",
             &format!("Irradiance over pi, of the irradiance {noun}: times the albedo it is what a diffuse surface reflects."),
@@ -178,7 +191,8 @@ fn head(recipe: &EnvironmentRecipe, certificate: &Certificate, lookup: &Lookup) 
         match (recipe.format, recipe.format_of_irradiance()) {
             (own, other) if recipe.irradiance == IrradianceKind::Cube && own != other =>
                 format!("specular {noun} of {own}, irradiance {noun} of {other}"),
-            (own, _) if recipe.irradiance == IrradianceKind::Cube => format!("{noun}s of {own}"),
+            (own, _) if recipe.layout == SphereLayout::Atlas => format!("{noun} of {own}"),
+            (own, _) if recipe.irradiance == IrradianceKind::Cube => format!("{} of {own}", recipe.layout.plural()),
             (own, _) => format!("specular {noun} of {own}"),
         },
         env!("CARGO_PKG_VERSION")

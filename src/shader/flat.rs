@@ -1,12 +1,12 @@
-//! Looking up an environment that lies in a two-dimensional texture: an octahedral map or a panorama.
+//! Looking up an environment that lies in a two-dimensional texture: an octahedral map, a panorama or the tiles of an atlas.
 //!
 //! A panorama is filtered by the sampler alone, which repeats around the world. No sampler knows where an octahedral map goes on beyond
 //! its border, which is at the mirror image of the place on that same border: within half a texel of it, what the sampler finds here is
 //! blended with what it finds there. The width of that half texel differs from level to level, so the two levels are looked up one
-//! after the other.
+//! after the other. So they are in an atlas, where each has a tile with a border of its own, which no sampler's blend of four texels leaves.
 
 use super::code::{Function, Item, Statement, Type};
-use crate::environment::SphereLayout;
+use crate::environment::{SphereLayout, atlas};
 use crate::math::expression::literal;
 
 /// How a kind of map is looked up.
@@ -37,6 +37,9 @@ impl Lookup<'_> {
             SphereLayout::Octahedral => items.push(self.octahedral_coordinate()),
             SphereLayout::Equirect | SphereLayout::Atlas => items.push(self.panorama_coordinate()),
         }
+        if self.layout == SphereLayout::Atlas {
+            items.extend(maps.first().map(|map| self.tile(map.decode)));
+        }
         if self.layout == SphereLayout::Octahedral {
             let mut made: Vec<Option<&str>> = vec![];
             for map in maps {
@@ -61,29 +64,60 @@ impl Lookup<'_> {
                     level,
                 ))]
             }
-            // (Of an atlas there is no code: its caller sees to that.)
-            SphereLayout::Equirect | SphereLayout::Atlas => {
+            SphereLayout::Equirect => {
                 let at = format!("{name}_coordinate({direction})");
                 vec![Statement::Return(self.decoded(map.decode, map.texture, &at, level))]
             }
+            SphereLayout::Atlas => {
+                let find = |level: &str| {
+                    let (size, edge) = (size_of(&map.sizes, level), edge());
+                    format!("{name}_tile(pass({}), at, vec2(0.0, {edge} - 2.0 * ({size})), {size})", map.texture)
+                };
+                self.between_levels(map, direction, level, find)
+            }
             SphereLayout::Octahedral => {
-                let let_ = |name: &str, of: Type, value: String| Statement::Let(name.to_owned(), of, value);
-                let last = literal(map.sizes.len().saturating_sub(1) as f64);
                 let find = |level: &str| {
                     let (function, size) = (self.seamless_name(map.decode), size_of(&map.sizes, level));
                     format!("{function}(pass({}), at, {size}, {level})", map.texture)
                 };
-                vec![
-                    let_("at", Type::Vec2, format!("{name}_coordinate({direction})")),
-                    let_("level", Type::Float, level.to_owned()),
-                    let_("below", Type::Float, "floor(level)".to_owned()),
-                    let_("above", Type::Float, format!("clamp(below + 1.0, 0.0, {last})")),
-                    let_("low", Type::Vec3, find("below")),
-                    let_("high", Type::Vec3, find("above")),
-                    Statement::Return("mix(low, high, level - below)".to_owned()),
-                ]
+                self.between_levels(map, direction, level, find)
             }
         }
+    }
+
+    /// The statements that look up two levels one after the other, as `find` does it at the place `at`, and blend them.
+    fn between_levels(&self, map: &Map, direction: &str, level: &str, find: impl Fn(&str) -> String) -> Vec<Statement> {
+        let let_ = |name: &str, of: Type, value: String| Statement::Let(name.to_owned(), of, value);
+        let last = literal(map.sizes.len().saturating_sub(1) as f64);
+        vec![
+            let_("at", Type::Vec2, format!("{}_coordinate({direction})", self.name)),
+            let_("level", Type::Float, level.to_owned()),
+            let_("below", Type::Float, "floor(level)".to_owned()),
+            let_("above", Type::Float, format!("clamp(below + 1.0, 0.0, {last})")),
+            let_("low", Type::Vec3, find("below")),
+            let_("high", Type::Vec3, find("above")),
+            Statement::Return("mix(low, high, level - below)".to_owned()),
+        ]
+    }
+
+    /// Of an atlas: what its irradiance is in the direction `normal`.
+    pub fn irradiance_tile(&self, texture: &str) -> Vec<Statement> {
+        let tile = atlas::irradiance();
+        let [column, row, size] = [tile.column, tile.row, tile.size].map(|n| literal(n as f64));
+        let find = format!("{}_tile(pass({texture}), at, vec2({column}, {row}), {size})", self.name);
+        let at = format!("{}_coordinate(normal)", self.name);
+        vec![Statement::Let("at".to_owned(), Type::Vec2, at), Statement::Return(find)]
+    }
+
+    /// Of an atlas: the mirror at a level of its sizes, for who knows how far apart pixels look.
+    pub fn mirror_tiles(&self, map: &Map) -> Vec<Statement> {
+        let find = |level: &str| {
+            let size = size_of(&map.sizes, level);
+            let place = format!("{} - 2.0 * ({size})", edge());
+            format!("{}_tile(pass({}), at, vec2({place}, {place}), {size})", self.name, map.texture)
+        };
+        let last = literal(map.sizes.len().saturating_sub(1) as f64);
+        self.between_levels(map, "direction", &format!("clamp(mip, 0.0, {last})"), find)
     }
 
     /// What the sampler has to do, for the head of the file.
@@ -93,8 +127,9 @@ impl Lookup<'_> {
             SphereLayout::Octahedral => {
                 "linear filter, clamped to the edge; levels are blended here, and what lies beyond a border is found here."
             }
-            SphereLayout::Equirect | SphereLayout::Atlas => {
-                "linear filter, also between levels; repeated in u, clamped to the edge in v."
+            SphereLayout::Equirect => "linear filter, also between levels; repeated in u, clamped to the edge in v.",
+            SphereLayout::Atlas => {
+                "linear filter, without mips; levels are blended here, and each tile has a border of its own."
             }
         }
     }
@@ -155,6 +190,21 @@ impl Lookup<'_> {
         self.function("coordinate", comment, &[("direction", Type::Vec3)], Type::Vec2, body)
     }
 
+    fn tile(&self, decode: Option<&str>) -> Item {
+        let let_ = |name: &str, of: Type, value: String| Statement::Let(name.to_owned(), of, value);
+        let [border, both] = [1, 2].map(|n| literal((n * atlas::BORDER) as f64));
+        let texel = literal(1.0 / atlas::EDGE as f64);
+        let body = vec![
+            let_("inside", Type::Vec2, format!("vec2(2.0 * size - {both}, size - {both})")),
+            let_("place", Type::Vec2, format!("corner + vec2({border}, {border}) + at * inside")),
+            Statement::Return(self.decoded(decode, "map", &format!("place * {texel}"), "0.0")),
+        ];
+        let comment = "What a tile of the atlas shows at a place of its panorama, from 0 to 1: the tile begins at the texel `corner` and has\n\
+                       2 size x size texels, of which the outermost repeat others.";
+        let parameters = [("map", Type::Texture2), ("at", Type::Vec2), ("corner", Type::Vec2), ("size", Type::Float)];
+        self.function("tile", comment, &parameters, Type::Vec3, body)
+    }
+
     fn seamless_name(&self, decode: Option<&str>) -> String {
         format!("{}_seamless{}", self.name, decode.map_or_else(String::new, |decode| format!("_{decode}")))
     }
@@ -181,6 +231,11 @@ impl Lookup<'_> {
         let parameters = [("map", Type::Texture2), ("at", Type::Vec2), ("size", Type::Float), ("level", Type::Float)];
         self.function(end, comment, &parameters, Type::Vec3, body)
     }
+}
+
+/// Texels along an edge of an atlas. A tile that ends where the picture does begins twice its rows before.
+fn edge() -> String {
+    literal(atlas::EDGE as f64)
 }
 
 /// The number of texels along the edge of a level that is a whole number.

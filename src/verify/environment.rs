@@ -195,14 +195,13 @@ fn levels(
 /// The tiles of an atlas, likewise.
 fn tiles(texture: &Texture, certificate: &Certificate, recipe: &EnvironmentRecipe) -> Result<Vec<CubeLevel>> {
     let tiles = atlas::tiles();
-    let n = texture.format.channels();
-    if certificate.levels.len() != tiles.len() || texture.levels.len() != 1 || texture.width != atlas::EDGE || n < 3 {
+    if certificate.levels.len() != tiles.len() {
         return Err(Error::invalid(
-            format!("{} and {} levels in the certificate, which is no atlas", texture.text(), certificate.levels.len()),
+            format!("{} levels in the certificate, where an atlas has {}", certificate.levels.len(), tiles.len()),
             "bake the environment again",
         ));
     }
-    let picture: Vec<[f32; 3]> = texture.values(0).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+    let picture = atlas::colours(texture)?;
     let roughness = recipe.level_roughness();
     let level = |(tile, level): (&atlas::Tile, &Level)| {
         let wanted = match tile.content {

@@ -1,66 +1,27 @@
-//! PlayCanvas' atlas, read as its shader reads it: the codes of the PNG as somebody else's reader has them, blended as a sampler blends them,
-//! decoded and placed by the shader's own formulas.
+//! PlayCanvas' atlas, read as its shader reads it, from the codes of the PNG as somebody else's reader has them; and as an input. (What
+//! PlayCanvas itself shows of it, [`loaders`](super::loaders) tests.)
 
+use crate::support::atlas::{Atlas, EDGE, IRRADIANCE, mirror, rough};
 use crate::support::directions::{directions, kept};
-use crate::support::kiln::{fail, succeed};
+use crate::support::kiln::{fail, kiln, succeed};
 use crate::support::samples::Random;
 use glam::DVec3;
+use kiln::bake::ShFile;
 use kiln::format::{Decoded, decode, png as kiln_png};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-const EDGE: usize = 512;
-
-/// Four bytes a texel.
-struct Atlas(Vec<u8>);
-
-impl Atlas {
-    fn read(path: &Path) -> Self {
-        let file = std::io::BufReader::new(std::fs::File::open(path).expect("an atlas"));
-        let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
-        let mut codes = vec![0; reader.output_buffer_size().expect("a size")];
-        let frame = reader.next_frame(&mut codes).expect("a picture");
-        assert_eq!((frame.width, frame.height, frame.color_type), (512, 512, png::ColorType::Rgba));
-        assert_eq!(frame.bit_depth, png::BitDepth::Eight);
-        // A browser would convert what says that it is of another colour space.
-        assert!(reader.info().srgb.is_none() && reader.info().gama_chunk.is_none());
-        Self(codes)
-    }
-
-    /// What a sampler that blends four texels gives at texture coordinates: r, g, b, a in [0, 1].
-    fn sampled(&self, [u, v]: [f64; 2]) -> [f64; 4] {
-        let (x, y) = (u * EDGE as f64 - 0.5, v * EDGE as f64 - 0.5);
-        let mut sum = [0.0; 4];
-        for (i, j) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-            let [column, row] = [x.floor() + i, y.floor() + j].map(|t| t.clamp(0.0, EDGE as f64 - 1.0));
-            let weight = (1.0 - (x - x.floor() - i).abs()) * (1.0 - (y - y.floor() - j).abs());
-            let start = 4 * (row as usize * EDGE + column as usize);
-            (0..4).for_each(|c| sum[c] += weight * f64::from(self.0[start + c]) / 255.0);
-        }
-        sum
-    }
-
-    /// What the shader finds of a direction of the world in the tile that begins at `(x, y)` and is `(w, h)` large.
-    fn seen(&self, world: DVec3, [x, y, w, h]: [f64; 4]) -> [f64; 3] {
-        let direction = DVec3::new(-world.x, world.y, world.z);
-        let at = [0.5 + direction.x.atan2(direction.z) / TAU, 1.0 - (0.5 + direction.y.asin() / PI)];
-        let edge = EDGE as f64;
-        // A seam of one texel on either side.
-        let uv = [(x + 1.0 + at[0] * (w - 2.0)) / edge, (y + 1.0 + at[1] * (h - 2.0)) / edge];
-        let [r, g, b, a] = self.sampled(uv);
-        [r, g, b].map(|c| (c * (8.0 - 7.0 * a)).powi(2))
-    }
-}
-
-/// The tile of a rough level, and that of a mirror, as the shader places them.
-fn rough(level: i32) -> [f64; 4] {
-    let t = 512.0 * 0.5_f64.powi(level);
-    [0.0, 512.0 - t, t, t / 2.0]
-}
-
-fn mirror(level: i32) -> [f64; 4] {
-    let t = 512.0 * 0.5_f64.powi(level);
-    [512.0 - t, 512.0 - t, t, t / 2.0]
+/// The codes of an atlas.
+fn read(path: &Path) -> Atlas {
+    let file = std::io::BufReader::new(std::fs::File::open(path).expect("an atlas"));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
+    let mut codes = vec![0; reader.output_buffer_size().expect("a size")];
+    let frame = reader.next_frame(&mut codes).expect("a picture");
+    assert_eq!((frame.width, frame.height, frame.color_type), (512, 512, png::ColorType::Rgba));
+    assert_eq!(frame.bit_depth, png::BitDepth::Eight);
+    // A browser would convert what says that it is of another colour space.
+    assert!(reader.info().srgb.is_none() && reader.info().gama_chunk.is_none());
+    Atlas(codes)
 }
 
 #[test]
@@ -69,11 +30,11 @@ fn playcanvas_finds_every_direction_at_every_roughness_in_the_atlas_that_its_pre
     directions(folder.path());
     succeed(folder.path(), &["-q", "env", "directions.exr", "--engine", "playcanvas", "--out", "o"]);
     let file = folder.path().join("o/directions_atlas.png");
-    let atlas = Atlas::read(&file);
+    let atlas = read(&file);
     let tiles = (0..6)
         .map(|level| (rough(level), f64::from(level) / 5.0, format!("level {level}")))
         .chain((0..6).map(|level| (mirror(level), 0.0, format!("mirror {level}"))))
-        .chain([([128.0, 384.0, 64.0, 32.0], 1.0, "irradiance".to_owned())]);
+        .chain([(IRRADIANCE, 1.0, "irradiance".to_owned())]);
     let mut random = Random(3);
     for (tile, roughness, name) in tiles {
         let amplitude = 0.5 * kept(roughness);
@@ -116,6 +77,8 @@ fn playcanvas_finds_every_direction_at_every_roughness_in_the_atlas_that_its_pre
     // Another order of summing.
     assert!(change.parse::<f64>().expect("a number") < 1e-10, "{}", converted.stdout);
 
+    reads_its_world_again(folder.path(), &atlas);
+
     // Any texel of it is certified: here one of the irradiance.
     let Ok(Decoded::Texture(mut texture)) = decode(&std::fs::read(&file).expect("a file")) else {
         panic!("no texture")
@@ -126,6 +89,82 @@ fn playcanvas_finds_every_direction_at_every_roughness_in_the_atlas_that_its_pre
     std::fs::write(&file, kiln_png::encode(&texture).expect("a PNG")).expect("a file");
     let failed = fail(folder.path(), &["verify", "o/directions_atlas.png"], 3);
     assert!(failed.contains("FAILED") || failed.contains("verification"), "{failed}");
+}
+
+/// An atlas is an input, whether it says that it is one or not, and shows the world that was baked; a conversion stays turned as it is.
+fn reads_its_world_again(folder: &Path, Atlas(codes): &Atlas) {
+    let foreign = std::fs::File::create(folder.join("foreign.png")).expect("a file");
+    let mut encoder = png::Encoder::new(foreign, EDGE as u32, EDGE as u32);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.write_header().expect("a PNG").write_image_data(codes).expect("a PNG");
+    let bake = |input: &str, out: &str, more: &[&str]| {
+        let chain = ["env", input, "--out", out, "--size", "8", "--min-size", "8", "--irradiance-size", "4"];
+        let said = succeed(folder, &[&chain, more].concat()).stderr;
+        assert!(said.contains("read as an atlas of PlayCanvas, its mirror of 510 × 254"), "{said}");
+    };
+    bake("o/directions_atlas.png", "again", &[]);
+    bake("foreign.png", "foreign", &["--input-layout", "atlas"]);
+    let radiance = |out: &str| {
+        let file = std::fs::read_to_string(folder.join(out).join("sh.json")).expect("a file");
+        serde_json::from_str::<ShFile>(&file).expect("an sh.json").harmonics.radiance
+    };
+    let (wanted, again, foreign) = (radiance("o"), radiance("again"), radiance("foreign"));
+    assert_eq!(again, foreign);
+    // Half a code at most everywhere (see above), times a function of norm 1: of a wrong turn, 0.5 · √(4π/3) is off by as much.
+    let limit = 2.0 * (1.5_f64.sqrt() + 7.0 / 255.0) * 1.5_f64.sqrt() * 0.5 / 255.0 * (4.0 * PI).sqrt();
+    for (i, (found, wanted)) in again.iter().zip(&wanted).enumerate() {
+        for c in 0..3 {
+            assert!((found[c] - wanted[c]).abs() < limit, "coefficient {i}: {found:?}, wanted {wanted:?} ± {limit}");
+        }
+    }
+    assert!(fail(folder, &["env", "foreign.png", "--out", "no"], 1).contains("say --input-layout atlas"));
+
+    let convert = ["convert", "foreign.png", "cube.ktx2", "--from", "atlas", "--shape", "cube", "--size", "16"];
+    let said = succeed(folder, &[&convert[..], &["--format", "ktx2:rgba32f"]].concat());
+    assert!(said.stdout.contains("changed by") && said.stdout.contains("% RMS"), "{}", said.stdout);
+    let Ok(Decoded::Texture(cube)) = decode(&std::fs::read(folder.join("cube.ktx2")).expect("a file")) else {
+        panic!("no texture")
+    };
+    for (i, texel) in cube.values(0).chunks_exact(4).enumerate() {
+        let lookup = kiln::environment::cube::texel_direction(16, i);
+        let world = DVec3::new(-lookup.z, lookup.y, lookup.x);
+        for c in 0..3 {
+            // An average over a texel as wide as 2/16 of a face bends by as much squared.
+            let wanted = 1.0 + world[c] / 2.0;
+            assert!((f64::from(texel[c]) - wanted).abs() < 0.01, "texel {i}, channel {c}: {texel:?}, wanted {wanted}");
+        }
+    }
+    let square = ["convert", "o/directions_atlas.png", "square.exr", "--shape", "octahedral"];
+    let said = succeed(folder, &square);
+    assert!(said.stderr.contains("stays turned as it was: the world's x,y,z are -z,y,x of it"), "{}", said.stderr);
+}
+
+#[test]
+fn values_beyond_the_packing_are_told_with_a_way_out_that_works() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let env = |more: &[&str]| {
+        let arguments = ["env", "builtin:white", "--scale", "1e5", "--out", "o"];
+        succeed(folder.path(), &[&arguments, more].concat()).stderr
+    };
+    let small = ["--size", "8", "--min-size", "8", "--irradiance-size", "4"];
+    // What each suggests is done, and is enough.
+    let atlas = env(&["--engine", "playcanvas"]);
+    assert!(
+        atlas.contains("use --exposure -10.7 and 10.7 stops more in the engine, by scene.skyboxIntensity"),
+        "{atlas}"
+    );
+    assert!(!env(&["--engine", "playcanvas", "--exposure", "-10.7"]).contains("clamped to it"));
+    let halves = env(&small);
+    assert!(halves.contains("use --format ktx2:rgba32f to keep them, or --exposure -0.7"), "{halves}");
+    assert!(!env(&[&small[..], &["--format", "ktx2:rgba32f"]].concat()).contains("clamped to it"));
+    assert!(!env(&[&small[..], &["--exposure", "-0.7"]].concat()).contains("clamped to it"));
+    let table = |channel: &str, format: &str| {
+        let arguments = ["table", "charlie-albedo", "--size", "8x8", "-o", "table", "--channels"];
+        kiln(folder.path(), &[&arguments[..], &[channel, "--format", format]].concat()).stderr
+    };
+    let bytes = table("charlie.albedo", "png:r8unorm");
+    assert!(bytes.contains("or let the channel hold less, such as NAME:y/(1+y)"), "{bytes}");
+    assert!(!table("charlie.albedo:y/(1+y)", "png:r8unorm").contains("error"));
 }
 
 #[test]

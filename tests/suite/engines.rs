@@ -4,8 +4,9 @@ use crate::support::kiln::{fail, kiln, listing, succeed};
 use glam::DVec3;
 use kiln::bake::{self, Baked, ShFile};
 use kiln::engine::{self, ENGINES, Engine, RoughnessMap};
+use kiln::environment::chain::LEAST_SHEEN;
 use kiln::environment::cube::{face_point, nearest_texel};
-use kiln::environment::{Cube, Orientation, ShConvention, SphereLayout, spherical_harmonics};
+use kiln::environment::{Cube, KernelKind, Orientation, ShConvention, SphereLayout, spherical_harmonics};
 use kiln::format::{Decoded, decode};
 use kiln::recipe::{IrradianceKind, Recipe};
 use kiln::table::{Axis, Sampling};
@@ -30,7 +31,10 @@ fn small(engine: &'static Engine, input: &str, as_shipped: bool) -> Recipe {
             continue;
         }
         (environment.size, environment.irradiance_size) = (CUBE, CUBE / 2);
-        environment.roughness = Some(preset.level_roughness(CUBE, as_shipped));
+        // A sheen has no mirror.
+        let least = if environment.kernel == KernelKind::Charlie { LEAST_SHEEN } else { 0.0 };
+        let roughness = preset.level_roughness(CUBE, as_shipped);
+        environment.roughness = Some(roughness.into_iter().map(|r| r.max(least)).collect());
     }
     recipe
 }
@@ -384,6 +388,10 @@ fn a_bake_for_engines_writes_everything_that_they_need() {
     assert_eq!((recipe.tables.len(), recipe.environments.len()), (2, 2));
     assert_eq!(recipe.environments[0].orientation.to_string(), "x,y,-z");
     assert_eq!(recipe.environments[1].irradiance, IrradianceKind::LastLevel);
+    let printed = succeed(folder.path(), &["bake", "--engine", "gltf", "--env", "builtin:white", "--print-recipe"]);
+    let sheen = &Recipe::from_toml(&printed.stdout).expect("a recipe").environments[1];
+    assert_eq!((sheen.directory.as_str(), sheen.specular_name().as_str()), ("gltf/white/charlie", "sheen.ktx2"));
+    assert_eq!((sheen.kernel, sheen.level_roughness()[0]), (KernelKind::Charlie, LEAST_SHEEN));
 }
 
 #[test]

@@ -7,11 +7,12 @@ use crate::support::directions::{directions, kept};
 use crate::support::kiln::succeed;
 use crate::support::samples::Random;
 use crate::support::{browser, tools};
-use kiln::format::{Decoded, Texture, decode, ktx2};
+use kiln::format::{Decoded, Image, Texture, decode, exr, ktx2};
 use kiln::integrate::{Integration, Settings};
-use kiln::pack::{TexelFormat, binary16, uastc_hdr};
+use kiln::pack::{Number, TexelFormat, binary16, uastc_hdr};
 use kiln::table::{Model, Parameter, Point, quantity};
 use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 /// Pixels along an edge of the pictures.
@@ -79,6 +80,45 @@ fn render(script: &str, folder: &Path, scenes: &[Scene]) -> Option<Rendered> {
         }
     }
     browser::run(script, files).map(Rendered)
+}
+
+/// `builtin:orientation`, as large as a sphere of so few pixels shows it.
+fn room() -> kiln::environment::Panorama {
+    kiln::environment::builtin("orientation", 256).unwrap()
+}
+
+/// Writes it as `orientation.exr`.
+fn write_room(folder: &Path) {
+    let room = room();
+    let texels = room.texels().as_flattened().to_vec();
+    let image = Image::new(room.width(), room.height(), &["R", "G", "B"], texels).unwrap();
+    std::fs::write(folder.join("orientation.exr"), exr::encode(&image, Number::F32).unwrap().0).unwrap();
+}
+
+/// Whether a mirror sphere shows `builtin:orientation` the way its labels read: what is seen at a normal is what lies in the direction of the
+/// world that `mirrored` says, and in no other that turns or mirrors of the axes make of it.
+fn assert_reads(sphere: &Sphere, mirrored: impl Fn([f64; 3]) -> [f64; 3]) {
+    let room = room();
+    let off = |turn: &dyn Fn([f64; 3]) -> [f64; 3]| {
+        let (mut sum, mut n) = (0.0, 0);
+        for (normal, colour) in sphere.within(0.9) {
+            let there = room.radiance(glam::DVec3::from(turn(mirrored(normal))));
+            sum += (0..3).map(|c| (colour[c] - f64::from(there[c])).powi(2)).sum::<f64>();
+            n += 1;
+        }
+        (sum / f64::from(n)).sqrt()
+    };
+    let right = off(&|d| d);
+    for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]] {
+        for signs in 0..8 {
+            let turn = |d: [f64; 3]| [0, 1, 2].map(|c| if signs >> c & 1 == 1 { -d[order[c]] } else { d[order[c]] });
+            let wrong = off(&turn);
+            let same = signs == 0 && order == [0, 1, 2];
+            // What filters blur of letters and edges is a third of what walls in the wrong place make out in a sharp mirror, six tenths in
+            // Filament's of roughness 0.18; a mirror that hangs the wrong way finds another way that is off by as little.
+            assert!(same || right < 0.8 * wrong, "axes {order:?}, signs {signs:03b}: off by {wrong}, as it is {right}");
+        }
+    }
 }
 
 fn value(name: &str, mu: f64, roughness: f64, f0: Option<f64>) -> f64 {
@@ -303,15 +343,17 @@ fn babylonjs_renders_what_kiln_bakes_for_it() {
     }
     let folder = tempfile::tempdir().unwrap();
     directions(folder.path());
-    for (input, size) in [("directions.exr", "32"), ("builtin:white", "8")] {
+    write_room(folder.path());
+    for (input, size) in [("directions.exr", "32"), ("builtin:white", "8"), ("orientation.exr", "64")] {
         succeed(folder.path(), &["-q", "env", input, "--engine", "babylon", "--size", size, "--out", "baked"]);
     }
     let table = ["-q", "table", "dfg", "--engine", "babylon", "--size", "64", "-o", "environmentBRDF.png"];
     succeed(folder.path(), &table);
-    let (white, directions) = ("baked/white.env", "baked/directions.env");
+    let (white, directions, room) = ("baked/white.env", "baked/directions.env", "baked/orientation.env");
     let table = Some("environmentBRDF.png");
     let scenes = [
         Scene { name: "mirror", cube: directions, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
+        Scene { name: "room", cube: room, table: None, color: 1.0, metalness: 1.0, roughness: 0.0 },
         Scene { name: "metal", cube: white, table, color: 1.0, metalness: 1.0, roughness: 0.6 },
         Scene { name: "own", cube: white, table: None, color: 1.0, metalness: 1.0, roughness: 0.6 },
         Scene { name: "grey", cube: white, table, color: 0.5, metalness: 1.0, roughness: 0.6 },
@@ -319,11 +361,12 @@ fn babylonjs_renders_what_kiln_bakes_for_it() {
     ];
     let Some(rendered) = render(include_str!("support/babylon.js"), folder.path(), &scenes) else { return };
 
-    // The right way round.
+    // The right way round. Babylon.js' world is left-handed: to the right is its +X, which is -X of the world that was baked; and away from
+    // the viewer is +Z.
+    let mirrored = |[x, y, z]: [f64; 3]| [-2.0 * z * x, 2.0 * z * y, 1.0 - 2.0 * z * z];
+    assert_reads(&rendered.sphere("room"), mirrored);
     for (normal, colour) in rendered.sphere("mirror").within(0.8).step_by(37) {
-        let [x, y, z] = normal;
-        // Babylon.js' world is left-handed: to the right is its +X, which is -X of the world that was baked; and away from the viewer is +Z.
-        let mirror = [-2.0 * z * x, 2.0 * z * y, 1.0 - 2.0 * z * z];
+        let mirror = mirrored(normal);
         for c in 0..3 {
             let wanted = 1.0 + mirror[c] / 2.0;
             assert!(
@@ -348,6 +391,158 @@ fn babylonjs_renders_what_kiln_bakes_for_it() {
                 assert!(
                     (c - wanted).abs() < (RGBD + FACETS) * wanted,
                     "{name} at {normal:?}: {colour:?}, wanted {wanted}"
+                );
+            }
+        }
+    }
+}
+
+/// Half a code of RGBP's root, whose factor is exact, doubled by the square; at most √1.5 of a root whose largest is a code.
+const RGBP: f64 = 2.0 * 1.5 * 0.5 / 255.0;
+
+#[test]
+fn playcanvas_renders_what_kiln_bakes_for_it() {
+    if tools::folder_with("node_modules/playcanvas").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    directions(folder.path());
+    write_room(folder.path());
+    for (input, out) in [("directions.exr", "directions"), ("builtin:white", "white"), ("orientation.exr", "room")] {
+        succeed(folder.path(), &["-q", "env", input, "--engine", "playcanvas", "--out", out]);
+    }
+    let (white, directions, room) =
+        ("white/white_atlas.png", "directions/directions_atlas.png", "room/orientation_atlas.png");
+    let sh = Some("directions/sh.json");
+    let scene =
+        |name, cube, table, color, metalness, roughness| Scene { name, cube, table, color, metalness, roughness };
+    let scenes = [
+        scene("metal", white, None, 1.0, 1.0, 0.3),
+        scene("rough-metal", white, None, 1.0, 1.0, 0.95),
+        scene("grey", white, None, 0.5, 1.0, 0.6),
+        scene("plastic", white, None, 0.0, 0.0, 0.4),
+        scene("room", room, None, 1.0, 1.0, 0.0),
+        scene("0", directions, None, 1.0, 1.0, 0.0),
+        scene("0.3", directions, None, 1.0, 1.0, 0.3),
+        scene("0.6", directions, None, 1.0, 1.0, 0.6),
+        scene("1", directions, None, 1.0, 1.0, 1.0),
+        scene("matt", directions, None, 1.0, 0.0, 0.6),
+        scene("probe", directions, sh, 1.0, 0.0, 0.6),
+    ];
+    let Some(found) = render(include_str!("support/playcanvas.js"), folder.path(), &scenes) else { return };
+
+    // It has no table: a reflection is the environment times F0, in a white furnace F0 alone (grey has no Fresnel of its own: its shader
+    // lets F rise to the largest of F0's channels). What shows black fails here.
+    for (name, f0) in [("metal", 1.0), ("rough-metal", 1.0), ("grey", 0.5), ("plastic", 0.04)] {
+        for (normal, colour) in found.sphere(name).within(0.95) {
+            for c in colour {
+                assert!((c - f0).abs() < 1e-6, "{name} in a white furnace at {normal:?}: {colour:?}, wanted {f0}");
+            }
+        }
+    }
+    let mirrored = |[x, y, z]: [f64; 3]| [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0];
+    assert_reads(&found.sphere("room"), mirrored);
+    // Level 5 r, blended; of a matt sphere the rest of F0 = 0.04 is irradiance.
+    let faded = |roughness: f64| {
+        let (below, part) = ((5.0 * roughness).floor(), (5.0 * roughness).fract());
+        kept(below / 5.0) * (1.0 - part) + kept((below / 5.0 + 0.2).min(1.0)) * part
+    };
+    for (name, f0, roughness) in [
+        ("0", 1.0, 0.0),
+        ("0.3", 1.0, 0.3),
+        ("0.6", 1.0, 0.6),
+        ("1", 1.0, 1.0),
+        ("matt", 0.04, 0.6),
+        ("probe", 0.04, 0.6),
+    ] {
+        let fade = faded(roughness);
+        // A blend of four texels is off from a wave by h²/8 of its amplitude along each axis: of the roughest tile's, 14 × 6 texels.
+        let rows = f64::from(256 >> (5.0 * roughness).ceil() as i32);
+        let steps = [TAU / (2.0 * rows - 2.0), PI / (rows - 2.0)];
+        let bent: f64 = steps.iter().map(|h| f0 * fade / 2.0 * h * h / 8.0).sum();
+        for (normal, colour) in found.sphere(name).within(0.8).step_by(37) {
+            let mirror = mirrored(normal);
+            for c in 0..3 {
+                let (specular, diffuse) = (1.0 + fade * mirror[c] / 2.0, 1.0 + kept(1.0) * normal[c] / 2.0);
+                let wanted = f0 * specular + (1.0 - f0) * diffuse;
+                // Facets of a sphere, and texels of one value each in the mirror of a panorama of 128 rows.
+                assert!(
+                    (colour[c] - wanted).abs() < (RGBP + FACETS) * wanted + bent,
+                    "{name} at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
+                );
+            }
+        }
+    }
+}
+
+/// What Filament makes of a roughness: at least 0.089, its shader's floor.
+fn roughness_in_filament(roughness: f64) -> f64 {
+    roughness.max(0.089)
+}
+
+#[test]
+fn filament_renders_what_kiln_bakes_for_it() {
+    if tools::folder_with("node_modules/filament").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    directions(folder.path());
+    // Its shader counts levels by what the file has: four from 128 to 16.
+    write_room(folder.path());
+    for input in ["directions.exr", "builtin:white", "orientation.exr"] {
+        succeed(folder.path(), &["-q", "env", input, "--engine", "filament", "--size", "128", "--out", "baked"]);
+    }
+    let (white, directions, room) = ("baked/white_ibl.ktx", "baked/directions_ibl.ktx", "baked/orientation_ibl.ktx");
+    let scene =
+        |name, cube, color, metalness, roughness| Scene { name, cube, table: None, color, metalness, roughness };
+    let scenes = [
+        scene("metal", white, 1.0, 1.0, 0.6),
+        scene("grey", white, 0.5, 1.0, 0.6),
+        scene("plastic", white, 0.0, 0.0, 0.4),
+        scene("room", room, 1.0, 1.0, 0.0),
+        scene("mirror", directions, 1.0, 1.0, 0.0),
+        scene("rough", directions, 1.0, 1.0, 0.5),
+        scene("matt", directions, 1.0, 0.0, 1.0),
+    ];
+    let Some(found) = render(include_str!("support/filament.js"), folder.path(), &scenes) else { return };
+
+    for (normal, colour) in found.sphere("metal").within(0.95) {
+        for c in colour {
+            assert!((c - 1.0).abs() < 1e-5, "a white metal in a white furnace at {normal:?}: {colour:?}");
+        }
+    }
+    // Its own table, which cannot be replaced here, of 64 texels that hold what belongs one texel further, and of halves: rough where it is
+    // steep.
+    for (name, f0, roughness) in [("grey", 0.5, 0.6), ("plastic", 0.04, 0.4)] {
+        for (normal, colour) in found.sphere(name).within(0.8).step_by(37) {
+            let wanted = value("compensation.turquin", normal[2], roughness + 1.0 / 64.0, Some(f0));
+            for c in colour {
+                assert!((c - wanted).abs() < 0.005 * wanted, "{name} at {normal:?}: {colour:?}, wanted {wanted}");
+            }
+        }
+    }
+    let mirrored = |[x, y, z]: [f64; 3]| [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0];
+    assert_reads(&found.sphere("room"), mirrored);
+    // Direction, level, filter and coefficients. The matt sphere has the last level for its reflection, which is what irradiance is; its
+    // coefficients come out of the file's metadata.
+    let levels = 4;
+    let filled = |level: usize| 1.0 - (1.0 - level as f64 / (levels - 1) as f64).sqrt();
+    for (name, roughness) in [("mirror", 0.0), ("rough", 0.5), ("matt", 1.0)] {
+        let r = roughness_in_filament(roughness);
+        let level = (levels - 1) as f64 * r * (2.0 - r);
+        let (below, part) = (level.floor() as usize, level.fract());
+        let fade = kept(filled(below)) * (1.0 - part) + kept(filled((below + 1).min(levels - 1))) * part;
+        for (normal, colour) in found.sphere(name).within(0.8).step_by(37) {
+            let mirror = mirrored(normal);
+            let mixed: [f64; 3] = std::array::from_fn(|c| mirror[c] + (normal[c] - mirror[c]) * r.powi(4));
+            let length = mixed.iter().map(|c| c * c).sum::<f64>().sqrt();
+            for c in 0..3 {
+                let wanted = 1.0 + fade * mixed[c] / length / 2.0;
+                // Half a step of B10G11R11 is 2⁻⁷ of the value in red and green, 2⁻⁶ in blue.
+                let limit = if c == 2 { 2_f64.powi(-6) } else { 2_f64.powi(-7) } + FACETS;
+                assert!(
+                    (colour[c] - wanted).abs() < limit * wanted,
+                    "{name} at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
                 );
             }
         }

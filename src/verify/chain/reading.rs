@@ -3,7 +3,6 @@
 use crate::environment::{SphereLayout, SphereMap, atlas};
 use crate::error::{Error, Result};
 use crate::format::{Decoded, Texture};
-use crate::pack::TexelFormat;
 
 /// The levels of a file: a cube's; else a square's, which is an octahedral map; a panorama's that is twice as wide as high; or the chain in an
 /// atlas of PlayCanvas.
@@ -31,7 +30,7 @@ pub fn levels_of(content: &Decoded) -> Result<Vec<SphereMap>> {
         Decoded::Array(_) => return refused("an array of numbers".to_owned()),
     };
     match (texture.width, texture.height) {
-        (atlas::EDGE, atlas::EDGE) if texture.format == TexelFormat::Rgbp => in_atlas(texture),
+        _ if atlas::is(texture) => in_atlas(texture),
         (width, height) if width == height => maps(texture, SphereLayout::Octahedral),
         (width, height) if width == 2 * height => maps(texture, SphereLayout::Equirect),
         _ => refused(texture.text()),
@@ -40,12 +39,11 @@ pub fn levels_of(content: &Decoded) -> Result<Vec<SphereMap>> {
 
 /// The specular chain in an atlas.
 fn in_atlas(texture: &Texture) -> Result<Vec<SphereMap>> {
-    let n = texture.format.channels();
-    let picture: Vec<[f32; 3]> = texture.values(0).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
-    let level = |tile: &atlas::Tile| {
-        Ok(SphereMap { layout: SphereLayout::Atlas, size: tile.size, texels: atlas::cut(&picture, tile)? })
+    let picture = atlas::colours(texture)?;
+    let level = |tile: atlas::Tile| {
+        Ok(SphereMap { layout: SphereLayout::Atlas, size: tile.size, texels: atlas::cut(&picture, &tile)? })
     };
-    atlas::tiles().iter().filter(|tile| matches!(tile.content, atlas::Content::Specular(_))).map(level).collect()
+    (0..atlas::LEVELS).map(atlas::specular).map(level).collect()
 }
 
 /// Whether a texture is a single cube map of colours.

@@ -34,7 +34,7 @@ const bytes = async (name) => (await fetch('/' + name)).arrayBuffer();
 /// Libraries ask for modules by name.
 const IMPORTS: &str = r#"<script type="importmap">{"imports": {
 "three": "/tools/three/build/three.module.js", "three/addons/": "/tools/three/examples/jsm/",
-"@babylonjs/core/": "/tools/@babylonjs/core/"}}</script>
+"@babylonjs/core/": "/tools/@babylonjs/core/", "playcanvas": "/tools/playcanvas/build/playcanvas.mjs"}}</script>
 "#;
 
 /// Runs a module in a page of its own; what it posted, or nothing where there is no browser.

@@ -2,6 +2,7 @@
 #![allow(dead_code)] // every test file uses its part
 #![allow(clippy::unwrap_used)] // clippy knows test functions, not what they share
 
+pub mod atlas;
 pub mod bilinear;
 pub mod browser;
 pub mod directions;

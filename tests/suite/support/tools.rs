@@ -1,7 +1,7 @@
 //! Finding and running the readers that other people wrote, in JavaScript and Python.
 //!
-//! They live in the folder that KILN_TEST_TOOLS names: `npm install --prefix DIR ktx-parse@2.0.0 three@0.187.0 @babylonjs/core@9.34.0` and
-//! `pip install --target DIR/python OpenEXR==3.5.3 OpenImageIO==3.2.2.0 numpy==2.4.6`. Where one is missing its test says `skipped: …` and passes, unless
+//! They live in the folder that KILN_TEST_TOOLS names: `npm install --prefix DIR ktx-parse@2.0.0 three@0.187.0 @babylonjs/core@9.34.0 playcanvas@2.23.3 filament@1.53.4`
+//! and `pip install --target DIR/python OpenEXR==3.5.3 OpenImageIO==3.2.2.0 numpy==2.4.6`. Where one is missing its test says `skipped: …` and passes, unless
 //! KILN_REQUIRE_TOOLS=1.
 
 use std::path::{Path, PathBuf};
