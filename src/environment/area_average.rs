@@ -1,7 +1,7 @@
 //! Panorama to cube map by exact overlap areas.
 //!
-//! What a cube texel holds of each panorama texel follows from its edges ([`super::coverage`]); they are great circles, on which all is
-//! closed form ([`super::overlap`]). A quarter of one face beside the equator and a quarter of one at a pole are worked out; the others
+//! What a cube texel holds of each panorama texel follows from its edges (`coverage`); they are great circles, on which all is
+//! closed form (`overlap`). A quarter of one face beside the equator and a quarter of one at a pole are worked out; the others
 //! are their mirror images, because faces begin at quarters of a turn and rows mirror each other. All values are reduced by their mean
 //! first, so that a constant panorama comes out as exactly that.
 
