@@ -2,6 +2,7 @@
 //! against what the formulas say. A map that shows black fails.
 #![cfg(test)]
 
+#[allow(dead_code)] // other engines take more of it
 #[path = "../../suite/support/directions.rs"]
 mod directions;
 
