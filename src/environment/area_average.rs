@@ -35,7 +35,7 @@ fn average_by(panorama: &Panorama, size: usize, instructions: InstructionSet) ->
     let mut all: Vec<Row> = (0..size.div_ceil(2))
         .map(|line| {
             let images = images(size, line);
-            let out = images.map(|(row, _)| FACES.map(|face| rows[face * size + row].take()));
+            let out = images.map(|(row, _)| std::array::from_fn(|face| rows[face * size + row].take()));
             Row { line, signs: images.map(|(_, signs)| signs), out }
         })
         .collect();
@@ -47,8 +47,6 @@ fn average_by(panorama: &Panorama, size: usize, instructions: InstructionSet) ->
     });
     Cube { size, texels }
 }
-
-const FACES: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
 /// Rows and columns of a quarter that are averaged together: what they hold of the panorama then stays near.
 const TILE: [usize; 2] = [8, 32];
@@ -78,7 +76,6 @@ struct Quarter<'a> {
 }
 
 /// The texels along half a line, piece by piece.
-#[derive(Default)]
 struct Line {
     parts: Vec<Part>,
     ends: Vec<usize>,
@@ -274,7 +271,7 @@ impl Map<'_> {
         }
     }
 
-    /// Fills some columns of some rows of faces that are alike; `images` says where each quarter of them lies, by whether u and v are
+    /// Fills some columns of some rows of faces that are alike; `images_of` says where each quarter of them lies, by whether u and v are
     /// negative there.
     #[inline(always)]
     fn fill_faces<const N: usize>(

@@ -6,7 +6,7 @@
 use crate::support::directions::{directions, kept};
 use crate::support::kiln::succeed;
 use crate::support::samples::Random;
-use crate::support::{browser, tools};
+use crate::support::{browser, room, tools};
 use kiln::format::{Decoded, Image, Texture, decode, exr, ktx2};
 use kiln::integrate::{Integration, Settings};
 use kiln::pack::{Number, TexelFormat, binary16, uastc_hdr};
@@ -82,43 +82,46 @@ fn render(script: &str, folder: &Path, scenes: &[Scene]) -> Option<Rendered> {
     browser::run(script, files).map(Rendered)
 }
 
-/// `builtin:orientation`, as large as a sphere of so few pixels shows it.
-fn room() -> kiln::environment::Panorama {
-    kiln::environment::builtin("orientation", 256).unwrap()
-}
+/// Texels of `builtin:orientation` around: as large as a sphere of so few pixels shows it.
+const ROOM: usize = 256;
 
 /// Writes it as `orientation.exr`.
 fn write_room(folder: &Path) {
-    let room = room();
+    let room = kiln::environment::builtin("orientation", ROOM).unwrap();
     let texels = room.texels().as_flattened().to_vec();
     let image = Image::new(room.width(), room.height(), &["R", "G", "B"], texels).unwrap();
     std::fs::write(folder.join("orientation.exr"), exr::encode(&image, Number::F32).unwrap().0).unwrap();
 }
 
-/// Whether a mirror sphere shows `builtin:orientation` the way its labels read: what is seen at a normal is what lies in the direction of the
-/// world that `mirrored` says, and in no other that turns or mirrors of the axes make of it.
-fn assert_reads(sphere: &Sphere, mirrored: impl Fn([f64; 3]) -> [f64; 3]) {
-    let room = room();
-    let off = |turn: &dyn Fn([f64; 3]) -> [f64; 3]| {
-        let (mut sum, mut n) = (0.0, 0);
-        for (normal, colour) in sphere.within(0.9) {
-            let there = room.radiance(glam::DVec3::from(turn(mirrored(normal))));
-            sum += (0..3).map(|c| (colour[c] - f64::from(there[c])).powi(2)).sum::<f64>();
-            n += 1;
-        }
-        (sum / f64::from(n)).sqrt()
-    };
-    let right = off(&|d| d);
-    for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]] {
-        for signs in 0..8 {
-            let turn = |d: [f64; 3]| [0, 1, 2].map(|c| if signs >> c & 1 == 1 { -d[order[c]] } else { d[order[c]] });
-            let wrong = off(&turn);
-            let same = signs == 0 && order == [0, 1, 2];
-            // What filters blur of letters and edges is a third of what walls in the wrong place make out in a sharp mirror, six tenths in
-            // Filament's of roughness 0.18; a mirror that hangs the wrong way finds another way that is off by as little.
-            assert!(same || right < 0.8 * wrong, "axes {order:?}, signs {signs:03b}: off by {wrong}, as it is {right}");
+/// Whether the mirror sphere `room` shows it as its labels read: see [`room::assert_reads`].
+fn assert_reads(rendered: &Rendered, mirrored: impl Fn([f64; 3]) -> [f64; 3]) {
+    room::assert_reads(ROOM, &rendered.sphere("room").within(0.9).collect::<Vec<_>>(), mirrored);
+}
+
+/// Holds pixels of the sphere `name` against the colour that a normal should have; `limit` says by how much a channel of such a value may be off.
+fn assert_shows(
+    name: &str,
+    pixels: impl Iterator<Item = ([f64; 3], [f64; 3])>,
+    wanted: impl Fn([f64; 3]) -> [f64; 3],
+    limit: impl Fn(usize, f64) -> f64,
+) {
+    for (normal, colour) in pixels {
+        let wanted = wanted(normal);
+        for c in 0..3 {
+            let limit = limit(c, wanted[c]);
+            assert!(
+                (colour[c] - wanted[c]).abs() < limit,
+                "{name} at {normal:?}, channel {c}: {colour:?}, wanted {wanted:?} within {limit}"
+            );
         }
     }
+}
+
+/// The unit vector a part of the way from the mirrored direction to the normal: where rough lobes are looked up.
+fn towards(normal: [f64; 3], mirror: [f64; 3], part: f64) -> [f64; 3] {
+    let mixed: [f64; 3] = std::array::from_fn(|c| mirror[c] + (normal[c] - mirror[c]) * part);
+    let length = mixed.iter().map(|c| c * c).sum::<f64>().sqrt();
+    mixed.map(|c| c / length)
 }
 
 fn value(name: &str, mu: f64, roughness: f64, f0: Option<f64>) -> f64 {
@@ -179,25 +182,16 @@ fn threejs_renders_what_kiln_bakes_for_it() {
 
     // A white metal loses nothing, whatever table it uses; half floats and their sums.
     for name in ["metal", "own-metal"] {
-        for (normal, colour) in rendered.sphere(name).within(0.95) {
-            for c in colour {
-                assert!((c - 1.0).abs() < 2e-3, "a white metal ({name}) in a white furnace at {normal:?}: {colour:?}");
-            }
-        }
+        assert_shows(name, rendered.sphere(name).within(0.95), |_| [1.0; 3], |_, _| 2e-3);
     }
     // What judges the table: three.js has its own of 16², whose texels were found up to 0.7 % low; between them it is off by as much
     // again where the angle is not grazing.
     for (name, f0, roughness) in [("grey", 0.5, 0.6), ("plastic", 0.04, 0.4)] {
-        for (normal, colour) in rendered.sphere(name).within(0.8).step_by(37) {
-            let wanted =
-                value("compensation.fdez-aguera", normal[2], roughness_in_threejs(roughness, normal), Some(f0));
-            for c in colour {
-                assert!(
-                    (c - wanted).abs() < 0.015 * wanted.max(0.2),
-                    "{name} at {normal:?}: {colour:?}, wanted {wanted}"
-                );
-            }
-        }
+        let wanted = |normal: [f64; 3]| {
+            [value("compensation.fdez-aguera", normal[2], roughness_in_threejs(roughness, normal), Some(f0)); 3]
+        };
+        let pixels = rendered.sphere(name);
+        assert_shows(name, pixels.within(0.8).step_by(37), wanted, |_, wanted| 0.015 * wanted.max(0.2));
     }
     // A room of letters and arrows, as the loader shows it and as Kiln decodes it: lookups are means of texels, which transcoding changed by so much
     // at most; half floats.
@@ -210,40 +204,31 @@ fn threejs_renders_what_kiln_bakes_for_it() {
         }
     }
     // A light probe takes the coefficients as they are, and lights the world the right way round; 1e-3 for the facets.
-    for (normal, colour) in rendered.sphere("probe").within(0.9).step_by(37) {
-        for c in 0..3 {
-            let wanted = 1.0 + kept(1.0) * normal[c] / 2.0;
-            assert!(
-                (colour[c] - wanted).abs() < 1e-3 * wanted,
-                "the light probe at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
-            );
-        }
-    }
+    let faded = kept(1.0);
+    let wanted = |normal: [f64; 3]| normal.map(|n| 1.0 + faded * n / 2.0);
+    assert_shows("probe", rendered.sphere("probe").within(0.9).step_by(37), wanted, |_, wanted| 1e-3 * wanted);
     // Direction, level and filter: E of the reflection, and the rest as irradiance.
     for (name, roughness) in [("mirror", 0.0), ("own-mirror", 0.0), ("rough", 0.5)] {
         // In parts of the darkest value.
         let packing = if name == "own-mirror" { packing_error(folder.path(), own_directions) / 0.5 } else { 0.0 };
-        for (normal, colour) in rendered.sphere(name).within(0.8).step_by(37) {
+        let matt = kept(1.0);
+        let wanted = |normal: [f64; 3]| {
             let [x, y, z] = normal;
             let q = roughness_in_threejs(roughness, normal);
-            let mirror = [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0];
-            let mixed: [f64; 3] = std::array::from_fn(|c| mirror[c] + (normal[c] - mirror[c]) * q.powi(4));
-            let length = mixed.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let mixed = towards(normal, [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0], q.powi(4));
             let level = q * (2.0 - q) * (LEVELS - 1) as f64;
             let (below, part) = (level.floor() as usize, level.fract());
             let above = (below + 1).min(LEVELS - 1);
             let fade = kept(roughness_of(below)) * (1.0 - part) + kept(roughness_of(above)) * part;
             let e = value("ggx.albedo", z, q, None);
-            for c in 0..3 {
-                let (specular, diffuse) = (1.0 + fade * mixed[c] / length / 2.0, 1.0 + kept(1.0) * normal[c] / 2.0);
-                let wanted = e * specular + (1.0 - e) * diffuse;
-                // Pixels of a sphere of facets, q by its differences, E by three.js' own table: 1 % of what is there.
-                assert!(
-                    (colour[c] - wanted).abs() < (0.01 + packing) * wanted,
-                    "{name} at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
-                );
-            }
-        }
+            std::array::from_fn(|c| {
+                let (specular, diffuse) = (1.0 + fade * mixed[c] / 2.0, 1.0 + matt * normal[c] / 2.0);
+                e * specular + (1.0 - e) * diffuse
+            })
+        };
+        // Pixels of a sphere of facets, q by its differences, E by three.js' own table: 1 % of what is there.
+        let off = |_, wanted| (0.01 + packing) * wanted;
+        assert_shows(name, rendered.sphere(name).within(0.8).step_by(37), wanted, off);
     }
 }
 
@@ -364,36 +349,18 @@ fn babylonjs_renders_what_kiln_bakes_for_it() {
     // The right way round. Babylon.js' world is left-handed: to the right is its +X, which is -X of the world that was baked; and away from
     // the viewer is +Z.
     let mirrored = |[x, y, z]: [f64; 3]| [-2.0 * z * x, 2.0 * z * y, 1.0 - 2.0 * z * z];
-    assert_reads(&rendered.sphere("room"), mirrored);
-    for (normal, colour) in rendered.sphere("mirror").within(0.8).step_by(37) {
-        let mirror = mirrored(normal);
-        for c in 0..3 {
-            let wanted = 1.0 + mirror[c] / 2.0;
-            assert!(
-                (colour[c] - wanted).abs() < (RGBD + FACETS) * wanted,
-                "the mirror at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
-            );
-        }
-    }
+    assert_reads(&rendered, mirrored);
+    let off = |_, wanted| (RGBD + FACETS) * wanted;
+    let wanted = |normal| mirrored(normal).map(|m| 1.0 + m / 2.0);
+    assert_shows("mirror", rendered.sphere("mirror").within(0.8).step_by(37), wanted, off);
     // A white metal loses nothing, whatever table it uses: E + (1 − E), and 1 is a code of RGBD. What shows black fails here.
     for name in ["metal", "own"] {
-        for (normal, colour) in rendered.sphere(name).within(0.95) {
-            for c in colour {
-                assert!((c - 1.0).abs() < 2e-3, "a white metal ({name}) in a white furnace at {normal:?}: {colour:?}");
-            }
-        }
+        assert_shows(name, rendered.sphere(name).within(0.95), |_| [1.0; 3], |_, _| 2e-3);
     }
     // What judges the table: x + F0 (y − x), with Turquin's compensation, by Kiln's own integrals.
     for (name, f0, roughness) in [("grey", 0.5, 0.6), ("plastic", 0.04, 0.4)] {
-        for (normal, colour) in rendered.sphere(name).within(0.9).step_by(37) {
-            let wanted = value("compensation.turquin", normal[2], roughness, Some(f0));
-            for c in colour {
-                assert!(
-                    (c - wanted).abs() < (RGBD + FACETS) * wanted,
-                    "{name} at {normal:?}: {colour:?}, wanted {wanted}"
-                );
-            }
-        }
+        let wanted = |normal: [f64; 3]| [value("compensation.turquin", normal[2], roughness, Some(f0)); 3];
+        assert_shows(name, rendered.sphere(name).within(0.9).step_by(37), wanted, off);
     }
 }
 
@@ -434,14 +401,10 @@ fn playcanvas_renders_what_kiln_bakes_for_it() {
     // It has no table: a reflection is the environment times F0, in a white furnace F0 alone (grey has no Fresnel of its own: its shader
     // lets F rise to the largest of F0's channels). What shows black fails here.
     for (name, f0) in [("metal", 1.0), ("rough-metal", 1.0), ("grey", 0.5), ("plastic", 0.04)] {
-        for (normal, colour) in found.sphere(name).within(0.95) {
-            for c in colour {
-                assert!((c - f0).abs() < 1e-6, "{name} in a white furnace at {normal:?}: {colour:?}, wanted {f0}");
-            }
-        }
+        assert_shows(name, found.sphere(name).within(0.95), |_| [f0; 3], |_, _| 1e-6);
     }
     let mirrored = |[x, y, z]: [f64; 3]| [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0];
-    assert_reads(&found.sphere("room"), mirrored);
+    assert_reads(&found, mirrored);
     // Level 5 r, blended; of a matt sphere the rest of F0 = 0.04 is irradiance.
     let faded = |roughness: f64| {
         let (below, part) = ((5.0 * roughness).floor(), (5.0 * roughness).fract());
@@ -460,18 +423,17 @@ fn playcanvas_renders_what_kiln_bakes_for_it() {
         let rows = f64::from(256 >> (5.0 * roughness).ceil() as i32);
         let steps = [TAU / (2.0 * rows - 2.0), PI / (rows - 2.0)];
         let bent: f64 = steps.iter().map(|h| f0 * fade / 2.0 * h * h / 8.0).sum();
-        for (normal, colour) in found.sphere(name).within(0.8).step_by(37) {
+        let matt = kept(1.0);
+        let wanted = |normal| {
             let mirror = mirrored(normal);
-            for c in 0..3 {
-                let (specular, diffuse) = (1.0 + fade * mirror[c] / 2.0, 1.0 + kept(1.0) * normal[c] / 2.0);
-                let wanted = f0 * specular + (1.0 - f0) * diffuse;
-                // Facets of a sphere, and texels of one value each in the mirror of a panorama of 128 rows.
-                assert!(
-                    (colour[c] - wanted).abs() < (RGBP + FACETS) * wanted + bent,
-                    "{name} at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
-                );
-            }
-        }
+            std::array::from_fn(|c| {
+                let (specular, diffuse) = (1.0 + fade * mirror[c] / 2.0, 1.0 + matt * normal[c] / 2.0);
+                f0 * specular + (1.0 - f0) * diffuse
+            })
+        };
+        // Facets of a sphere, and texels of one value each in the mirror of a panorama of 128 rows.
+        let off = |_, wanted| (RGBP + FACETS) * wanted + bent;
+        assert_shows(name, found.sphere(name).within(0.8).step_by(37), wanted, off);
     }
 }
 
@@ -506,23 +468,15 @@ fn filament_renders_what_kiln_bakes_for_it() {
     ];
     let Some(found) = render(include_str!("support/filament.js"), folder.path(), &scenes) else { return };
 
-    for (normal, colour) in found.sphere("metal").within(0.95) {
-        for c in colour {
-            assert!((c - 1.0).abs() < 1e-5, "a white metal in a white furnace at {normal:?}: {colour:?}");
-        }
-    }
+    assert_shows("metal", found.sphere("metal").within(0.95), |_| [1.0; 3], |_, _| 1e-5);
     // Its own table, which cannot be replaced here, of 64 texels that hold what belongs one texel further, and of halves: rough where it is
     // steep.
     for (name, f0, roughness) in [("grey", 0.5, 0.6), ("plastic", 0.04, 0.4)] {
-        for (normal, colour) in found.sphere(name).within(0.8).step_by(37) {
-            let wanted = value("compensation.turquin", normal[2], roughness + 1.0 / 64.0, Some(f0));
-            for c in colour {
-                assert!((c - wanted).abs() < 0.005 * wanted, "{name} at {normal:?}: {colour:?}, wanted {wanted}");
-            }
-        }
+        let wanted = |normal: [f64; 3]| [value("compensation.turquin", normal[2], roughness + 1.0 / 64.0, Some(f0)); 3];
+        assert_shows(name, found.sphere(name).within(0.8).step_by(37), wanted, |_, wanted| 0.005 * wanted);
     }
     let mirrored = |[x, y, z]: [f64; 3]| [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0];
-    assert_reads(&found.sphere("room"), mirrored);
+    assert_reads(&found, mirrored);
     // Direction, level, filter and coefficients. The matt sphere has the last level for its reflection, which is what irradiance is; its
     // coefficients come out of the file's metadata.
     let levels = 4;
@@ -532,19 +486,9 @@ fn filament_renders_what_kiln_bakes_for_it() {
         let level = (levels - 1) as f64 * r * (2.0 - r);
         let (below, part) = (level.floor() as usize, level.fract());
         let fade = kept(filled(below)) * (1.0 - part) + kept(filled((below + 1).min(levels - 1))) * part;
-        for (normal, colour) in found.sphere(name).within(0.8).step_by(37) {
-            let mirror = mirrored(normal);
-            let mixed: [f64; 3] = std::array::from_fn(|c| mirror[c] + (normal[c] - mirror[c]) * r.powi(4));
-            let length = mixed.iter().map(|c| c * c).sum::<f64>().sqrt();
-            for c in 0..3 {
-                let wanted = 1.0 + fade * mixed[c] / length / 2.0;
-                // Half a step of B10G11R11 is 2⁻⁷ of the value in red and green, 2⁻⁶ in blue.
-                let limit = if c == 2 { 2_f64.powi(-6) } else { 2_f64.powi(-7) } + FACETS;
-                assert!(
-                    (colour[c] - wanted).abs() < limit * wanted,
-                    "{name} at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
-                );
-            }
-        }
+        let wanted = |normal| towards(normal, mirrored(normal), r.powi(4)).map(|c| 1.0 + fade * c / 2.0);
+        // Half a step of B10G11R11 is 2⁻⁷ of the value in red and green, 2⁻⁶ in blue.
+        let off = |c, wanted| (if c == 2 { 2_f64.powi(-6) } else { 2_f64.powi(-7) } + FACETS) * wanted;
+        assert_shows(name, found.sphere(name).within(0.8).step_by(37), wanted, off);
     }
 }

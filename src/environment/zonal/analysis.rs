@@ -33,11 +33,9 @@ pub(super) trait Texels: Sync {
     fn shape(&self) -> [usize; 2];
     /// Whether anything in a row is not zero.
     fn occupied(&self, row: usize) -> bool;
-    /// Writes the channels of two rows to one lane: their sum, and the first less the second.
-    fn read_rows(&self, rows: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]);
     /// A row as it is, before the mean is taken off.
     fn row(&self, row: usize) -> Cow<'_, [[f32; 3]]>;
-    /// What [`Texels::read_rows`] takes off.
+    /// What is to be taken off.
     fn mean(&self) -> [f64; 3];
 }
 
@@ -167,15 +165,22 @@ impl Lines {
         Self { channels: [(); 3].map(|()| vec![Complex::ZERO; width]), spare: vec![Complex::ZERO; width] }
     }
 
-    /// Up to eight rows with their mirror images.
+    /// Up to eight rows with their mirror images: north + south, and north − south.
     fn read(&mut self, map: &dyn Texels, rows: std::ops::Range<usize>) {
-        let height = map.shape()[1];
+        let (height, mean) = (map.shape()[1], map.mean());
         for lane in 0..LANES {
             let row = rows.start + lane;
-            if row < rows.end {
-                map.read_rows([row, height - 1 - row], lane, &mut self.channels);
-            } else {
+            if row >= rows.end {
                 self.channels.iter_mut().flatten().for_each(|x| (x.re[lane], x.im[lane]) = (0.0, 0.0));
+                continue;
+            }
+            let [red, green, blue] = &mut self.channels;
+            let (north, south) = (map.row(row), map.row(height - 1 - row));
+            for (((r, g), b), (north, south)) in red.iter_mut().zip(green).zip(blue).zip(north.iter().zip(&*south)) {
+                for (c, to) in [r, g, b].into_iter().enumerate() {
+                    let (north, south) = (f64::from(north[c]) - mean[c], f64::from(south[c]) - mean[c]);
+                    (to.re[lane], to.im[lane]) = (north + south, north - south);
+                }
             }
         }
     }

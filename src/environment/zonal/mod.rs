@@ -34,7 +34,6 @@ use super::panorama::Panorama;
 use super::peel::Peel;
 use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
-use fft::Complex;
 use nodes::Nodes;
 use plan::{Plan, cells, darkest, is_wide, least_degree, row_rule};
 use split::Places;
@@ -372,14 +371,6 @@ impl<'a> Rest<'a> {
         self.panorama.with_texels(texels)
     }
 
-    fn texel(&self, row: usize, column: usize) -> [f32; 3] {
-        let (changed, index) = (self.changed_in(row), row * self.panorama.width() + column);
-        match changed.binary_search_by_key(&index, |(index, _)| *index) {
-            Ok(at) => changed[at].1,
-            Err(_) => self.panorama.row(row)[column],
-        }
-    }
-
     fn changed_in(&self, row: usize) -> &[(usize, [f32; 3])] {
         let width = self.panorama.width();
         let start = self.changed.partition_point(|(index, _)| *index < row * width);
@@ -433,28 +424,7 @@ impl Texels for Rest<'_> {
     fn mean(&self) -> [f64; 3] {
         self.mean
     }
-
-    fn read_rows(&self, [north, south]: [usize; 2], lane: usize, to: &mut [Vec<Complex>; 3]) {
-        let set = |to: &mut Complex, north: f32, south: f32, mean: f64| {
-            let (north, south) = (f64::from(north) - mean, f64::from(south) - mean);
-            (to.re[lane], to.im[lane]) = (north + south, north - south);
-        };
-        let mean = self.mean;
-        let [red, green, blue] = to;
-        let rows = self.panorama.row(north).iter().zip(self.panorama.row(south));
-        for (((r, g), b), (north, south)) in red.iter_mut().zip(green).zip(blue).zip(rows) {
-            set(r, north[0], south[0], mean[0]);
-            set(g, north[1], south[1], mean[1]);
-            set(b, north[2], south[2], mean[2]);
-        }
-        for row in [north, south] {
-            for &(index, _) in self.changed_in(row) {
-                let column = index % self.panorama.width();
-                let texels = [north, south].map(|row| self.texel(row, column));
-                (0..3).for_each(|c| set(&mut to[c][column], texels[0][c], texels[1][c], mean[c]));
-            }
-        }
-    }
 }
+
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,8 @@
 #[allow(dead_code)] // other engines take more of it
 #[path = "../../suite/support/directions.rs"]
 mod directions;
+#[path = "../../suite/support/room.rs"]
+mod room;
 
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::{Exposure, Hdr, RenderTarget, ScalingMode};
@@ -218,7 +220,7 @@ fn bevy_renders_what_kiln_bakes_for_it() {
         }
     }
     let mirrored = |[x, y, z]: [f64; 3]| [2.0 * z * x, 2.0 * z * y, 2.0 * z * z - 1.0];
-    reads(&within(&found["orientation"], "mirror", 0.9), mirrored);
+    room::assert_reads(512, &within(&found["orientation"], "mirror", 0.9), mirrored);
     // Direction, level and filter: E of the reflection, the rest as irradiance.
     let levels = 8;
     for (sphere, roughness) in [("mirror", 0.0), ("rough", 0.5), ("matt", 1.0)] {
@@ -242,27 +244,6 @@ fn bevy_renders_what_kiln_bakes_for_it() {
                     "{sphere} at {normal:?}, channel {c}: {colour:?}, wanted {wanted}"
                 );
             }
-        }
-    }
-}
-
-/// Whether a mirror shows `builtin:orientation` the way its labels read, and no turned or mirrored way.
-fn reads(pixels: &[([f64; 3], [f64; 3])], mirrored: impl Fn([f64; 3]) -> [f64; 3]) {
-    let room = kiln::environment::builtin("orientation", 512).expect("an environment");
-    let off = |turn: &dyn Fn([f64; 3]) -> [f64; 3]| {
-        let squares = pixels.iter().map(|(normal, colour)| {
-            let there = room.radiance(glam::DVec3::from(turn(mirrored(*normal))));
-            (0..3).map(|c| (colour[c] - f64::from(there[c])).powi(2)).sum::<f64>()
-        });
-        (squares.sum::<f64>() / pixels.len() as f64).sqrt()
-    };
-    let right = off(&|d| d);
-    for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]] {
-        for signs in 0..8 {
-            let turn = |d: [f64; 3]| [0, 1, 2].map(|c| if signs >> c & 1 == 1 { -d[order[c]] } else { d[order[c]] });
-            let wrong = off(&turn);
-            let same = signs == 0 && order == [0, 1, 2];
-            assert!(same || right < 0.8 * wrong, "axes {order:?}, signs {signs:03b}: off by {wrong}, as it is {right}");
         }
     }
 }

@@ -9,5 +9,6 @@ pub mod directions;
 pub mod f32_error;
 pub mod kiln;
 pub mod memory;
+pub mod room;
 pub mod samples;
 pub mod tools;
