@@ -16,6 +16,7 @@
 //! | `packing` | rounding error, overflowed, negative and non-finite values |
 //! | `rounding` | of a table: how many values are certified to be the nearest half, or an f32 within an ulp, and how many are undecided |
 //! | `lookup` | of a table: the error through bilinear filtering |
+//! | `approximation` | of a table of fitted lobes: how far these are from what they stand for; no error of the table, but of the model |
 //! | `fit` | of a table with `fit = "lookup"`: what choosing its texels for the lookup did |
 
 use crate::check::Check;
@@ -28,6 +29,7 @@ use crate::error::{Error, Result};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
 use crate::recipe::{EnvironmentRecipe, TableRecipe};
+use crate::table::Point;
 use crate::table::fit::TableFit;
 use crate::table::lookup::LookupError;
 use crate::table::rounding::Rounding;
@@ -88,6 +90,9 @@ pub struct Certificate {
     /// What a shader sees of a table.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lookup: Vec<LookupError>,
+    /// How far the fitted lobes of a table are from what they stand for, a property of the model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub approximation: Vec<Approximation>,
     /// What fitting a table to the lookup did, channel by channel, if it was asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fit: Vec<TableFit>,
@@ -125,6 +130,24 @@ pub struct Channel {
     pub max: f64,
     /// Mean over the texels.
     pub mean: f64,
+}
+
+/// How far the lobes of a table are from what they stand for, over its texels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Approximation {
+    /// Of which channels, separated by commas.
+    pub channels: String,
+    /// The largest total variation: no light, whatever its shape, is rendered off by more than this part of the albedo.
+    pub max_total_variation: f64,
+    /// Its mean.
+    pub mean_total_variation: f64,
+    /// The parameters at the largest.
+    pub worst_at: Point,
+    /// The largest square distance, in parts of the lobe's own norm.
+    pub max_square: f64,
+    /// The root of the mean of its square.
+    pub rms: f64,
 }
 
 /// One level of an environment.
@@ -252,6 +275,7 @@ impl Certificate {
             packing: PackReport::default(),
             rounding: None,
             lookup: vec![],
+            approximation: vec![],
             fit: vec![],
         }
     }

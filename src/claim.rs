@@ -198,7 +198,7 @@ impl Claim {
         let mut channels = vec![];
         for (i, name) in names.iter().enumerate().filter(|(_, name)| *name != "-") {
             let given = |p: crate::table::Parameter| {
-                axes.iter().any(|a| a.parameter.canonical() == p.canonical()) || at.get(p).is_ok()
+                axes.iter().flat_map(Axis::parameters).any(|a| a.canonical() == p.canonical()) || at.get(p).is_ok()
             };
             let handle = quantity::find_among(name, given)?;
             let spec = TableSpec { channels: vec![handle], axes: axes.clone(), at, model: said.model };

@@ -389,8 +389,8 @@ impl TableRecipe {
     ///
     /// **Errors**: a quantity that does not exist.
     pub fn spec(&self) -> Result<TableSpec> {
-        let given =
-            |p: Parameter| self.axes.iter().any(|a| a.parameter.canonical() == p.canonical()) || self.at.get(p).is_ok();
+        let varied = |p: Parameter| self.axes.iter().flat_map(Axis::parameters).any(|a| a.canonical() == p.canonical());
+        let given = |p: Parameter| varied(p) || self.at.get(p).is_ok();
         let channels = self.channels.iter().map(|name| quantity::find_among(name, given)).collect::<Result<_>>()?;
         Ok(TableSpec { channels, axes: self.axes.clone(), at: self.at, model: self.model })
     }

@@ -11,9 +11,10 @@ use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::TableRecipe;
 use crate::table::fit::{TableFit, fit};
 use crate::table::lookup::lookup_errors;
-use crate::table::quantity::Handle;
+use crate::table::quantity::{Approximation, Handle};
 use crate::table::rounding::{Rounding, decide};
 use crate::table::{Arrangement, Progress, Table, TableSpec};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// Integrates, checks and packs one table.
@@ -77,6 +78,7 @@ pub(super) fn judged_table(
         files: vec![FileDigest { file: file_name(&recipe.file)?, digest: texel_digest([texels.as_slice()]) }],
         channels: channels(&table, &integration),
         lookup,
+        approximation: approximation(&spec),
         fit,
         table: Some(recipe.clone()),
         checks,
@@ -98,6 +100,32 @@ pub(crate) fn values(
     let mut table = spec.bake(integration, progress)?;
     let fitted = if recipe.fit == Fit::Lookup { fit(&mut table)? } else { vec![] };
     Ok((table, fitted))
+}
+
+/// How far fitted lobes are from what they stand for, one entry per family that fits any.
+fn approximation(spec: &TableSpec) -> Vec<certificate::Approximation> {
+    let mut found = vec![];
+    for (i, first) in spec.channels.iter().enumerate() {
+        if spec.channels[..i].iter().any(|c| c.same_family(first)) {
+            continue;
+        }
+        let at = |texel: usize| Some((texel, first.family.approximation(&spec.point(texel), &spec.model)?));
+        let all: Vec<(usize, Approximation)> = (0..spec.len()).into_par_iter().filter_map(at).collect();
+        let Some((worst, most)) = all.iter().max_by(|a, b| a.1.total_variation.total_cmp(&b.1.total_variation)) else {
+            continue;
+        };
+        let mean = |of: &dyn Fn(&Approximation) -> f64| all.iter().map(|(_, a)| of(a)).sum::<f64>() / all.len() as f64;
+        let labels: Vec<String> = spec.channels.iter().filter(|c| c.same_family(first)).map(Handle::label).collect();
+        found.push(certificate::Approximation {
+            channels: labels.join(", "),
+            max_total_variation: most.total_variation,
+            mean_total_variation: mean(&|a| a.total_variation),
+            worst_at: spec.point(*worst),
+            max_square: all.iter().map(|(_, a)| a.square).fold(0.0, f64::max),
+            rms: mean(&|a| a.square * a.square).sqrt(),
+        });
+    }
+    found
 }
 
 pub(super) fn file_name(path: &str) -> Result<String> {

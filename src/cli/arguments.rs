@@ -240,6 +240,8 @@ impl Args for ParameterArgs {
             let flag = match parameter {
                 Parameter::AlphaX => "alpha-x",
                 Parameter::AlphaY => "alpha-y",
+                Parameter::CosCentre => "cos-centre",
+                Parameter::Sin2Radius => "sin2-radius",
                 _ => name,
             };
             let twins =

@@ -28,6 +28,9 @@ struct FileRow {
     /// What `kiln table NAME --engine` calls it.
     name: &'static str,
     file: &'static str,
+    /// Which layer of the file it is, where that is an array texture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    layer: Option<usize>,
     format: &'static str,
     /// Texels along each axis.
     size: Vec<usize>,
@@ -54,6 +57,9 @@ struct AxisRow {
     sampling: &'static str,
     flip: bool,
     shift: f64,
+    /// The other parameter that it stands for, in channels of that one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    also: Option<Parameter>,
 }
 
 #[derive(Serialize)]
@@ -110,12 +116,19 @@ impl AxisRow {
             },
             flip: axis.flip,
             shift: axis.shift,
+            also: axis.also,
         }
     }
 }
 
+/// Which layer of its file a table is, where that is an array texture.
+fn layer(engine: &Engine, table: &EngineTable) -> Option<usize> {
+    let mut layers = engine.tables.iter().filter(|other| other.is_layer && other.file == table.file);
+    layers.position(|other| other.name == table.name)
+}
+
 impl FileRow {
-    fn new(table: &EngineTable) -> Result<Self> {
+    fn new(engine: &Engine, table: &EngineTable) -> Result<Self> {
         let recipe = table.recipe(false)?;
         let spec: TableSpec = recipe.spec()?;
         let as_shipped = match &table.as_shipped {
@@ -128,6 +141,7 @@ impl FileRow {
         Ok(Self {
             name: table.name,
             file: table.file,
+            layer: layer(engine, table),
             format: table.format,
             size: spec.axes.iter().map(|axis| axis.size).collect(),
             channels: table.channels,
@@ -184,7 +198,7 @@ pub fn list(console: &Console) -> Result<()> {
                 name: engine.name,
                 title: engine.title,
                 experimental: engine.is_experimental(),
-                files: engine.tables.iter().map(FileRow::new).collect::<Result<_>>()?,
+                files: engine.tables.iter().map(|table| FileRow::new(engine, table)).collect::<Result<_>>()?,
                 environment: engine.environment.as_ref().map(EnvironmentRow::new).transpose()?,
                 sources: engine.sources,
                 from_memory: engine.from_memory,
@@ -202,7 +216,8 @@ pub fn list(console: &Console) -> Result<()> {
 fn text(engine: &Engine) -> Result<String> {
     let mut lines = vec![format!("{}: {}", engine.name, engine.title)];
     for table in engine.tables {
-        lines.push(format!("  {}", table_flags(table)?));
+        let layer = layer(engine, table).map(|layer| format!(" (layer {layer} of the file)"));
+        lines.push(format!("  {}{}", table_flags(table)?, layer.unwrap_or_default()));
     }
     if let Some(preset) = &engine.environment {
         lines.push(format!("  {}", environment_flags(preset)?));

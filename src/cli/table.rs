@@ -118,7 +118,7 @@ impl Table {
     fn point(&self, recipe: &TableRecipe) -> Result<Point> {
         let spec = recipe.spec()?;
         let own = recipe.at.given().filter(|(p, _)| {
-            spec.axis(*p).is_none() && spec.channels.iter().any(|channel| channel.quantity.depends_on(*p))
+            !spec.varies(*p) && spec.channels.iter().any(|channel| channel.quantity.depends_on(*p))
         });
         self.parameters.over(own)
     }

@@ -24,6 +24,8 @@ pub(super) static BABYLON: Engine = Engine {
             tolerance: Some(2e-6),
             ..PLAIN
         },
+        EngineTable { file: "ltc_1.raw", format: "raw:rgba16f", ..LTC_MATRIX },
+        EngineTable { file: "ltc_2.raw", format: "raw:rgba16f", ..LTC_AMPLITUDE },
     ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,
@@ -45,6 +47,7 @@ pub(super) static BABYLON: Engine = Engine {
     sources: &[
         "BabylonJS/Babylon.js: hdrFiltering.ts, hdrFilteringFunctions.fx, environmentTextureTools.pure.ts, cubemapToSphericalPolynomial.ts, getBRDFLookup",
         "BabylonJS/Babylon.js 9.34.0: brdfTextureTools.js, pbrBRDFFunctions.js, openpbrEnvironmentLighting.js; the table in it agrees with this one to its codes",
+        "BabylonJS/Babylon.js 9.34.0: ltcHelperFunctions.js, ltcTextureTool.js, areaLight.pure.js",
         "measured in Babylon.js 9.34.0: which files its loaders take, and which way they show them",
     ],
     from_memory: &["that the table's third channel is Charlie's with Neubelt's visibility"],
@@ -54,8 +57,8 @@ pub(super) static BABYLON: Engine = Engine {
     ],
     missing: &[
         "the fuzz of OpenPBR: linearly transformed cosines of a sheen that scatters more than once",
-        "areaLightsLTC: linearly transformed cosines",
     ],
     usage: "CubeTexture.CreateFromPrefilteredData; scene.environmentBRDFTexture takes the table, isRGBD set, and scene.openPBREnvironmentBRDFTexture that of \
-            OpenPBR materials, before the first of them is made",
+            OpenPBR materials, before the first of them is made. After the first area light is made, scene._ltcTextures.LTC1 and LTC2 take new \
+            Uint16Array(buffer) of the two raw files by update()",
 };

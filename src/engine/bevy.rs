@@ -5,13 +5,17 @@ use super::*;
 pub(super) static BEVY: Engine = Engine {
     name: "bevy",
     title: "Bevy's bevy_pbr",
-    tables: &[EngineTable {
-        file: "dfg.ktx2",
-        format: "ktx2:rg16f+zstd",
-        channels: &["ggx.scale", "ggx.bias"],
-        axes: &["mu:64", "roughness:64"],
-        ..PLAIN
-    }],
+    tables: &[
+        EngineTable {
+            file: "dfg.ktx2",
+            format: "ktx2:rg16f+zstd",
+            channels: &["ggx.scale", "ggx.bias"],
+            axes: &["mu:64", "roughness:64"],
+            ..PLAIN
+        },
+        EngineTable { file: "ltc.ktx2", is_layer: true, format: "ktx2:rgba16f+zstd", ..LTC_MATRIX },
+        EngineTable { file: "ltc.ktx2", is_layer: true, format: "ktx2:rgba16f+zstd", ..LTC_AMPLITUDE },
+    ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,
         size: 256,
@@ -30,13 +34,14 @@ pub(super) static BEVY: Engine = Engine {
         sheen_file: "",
     }),
     sources: &[
-        "bevyengine/bevy: crates/bevy_pbr/src/lib.rs, render/pbr_lighting.wesl, light_probe/, environment_map/dfg.ktx2",
+        "bevyengine/bevy: crates/bevy_pbr/src/lib.rs, render/pbr_lighting.wesl, light_probe/, environment_map/dfg.ktx2, ltc/ltc.ktx2",
     ],
-    from_memory: &[],
+    from_memory: &["that entries of the LTC matrix stand in the order of the published table, which its file was made from"],
     warnings: &[
         "its own dfg.ktx2 is 0.5 % low at grazing angles: too few samples; the right one is baked",
         "bevy negates Z before it samples: a file of the glTF IBL sampler shows mirrored, this one does not",
     ],
-    missing: &["ltc.ktx2: linearly transformed cosines"],
-    usage: "EnvironmentMapLight { specular_map, diffuse_map }; insert the DFG as DfgLut before PbrPlugin does",
+    missing: &[],
+    usage: "EnvironmentMapLight { specular_map, diffuse_map }; insert the DFG as DfgLut before PbrPlugin does; ltc.ktx2 replaces the file of that \
+            name, which the feature area_light_luts embeds",
 };

@@ -40,6 +40,9 @@ pub(super) static GODOT: Engine = Engine {
          the table of the latter is baked",
         "Godot filters skies itself, at run time, from a panorama: the radiance cube is for shaders of your own",
     ],
-    missing: &["octahedral radiance maps of newer versions"],
+    missing: &[
+        "octahedral radiance maps of newer versions",
+        "ltc_lut1.dds, ltc_lut2.dds of area lights: the matrix itself, not its inverse, over roughness and the angle",
+    ],
     usage: "replace dfg_lut.dds in the renderer's sources; load the cube with ResourceLoader as a Cubemap",
 };

@@ -33,7 +33,7 @@ use crate::integrate::Settings;
 use crate::math::fit::Fit;
 use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
-use crate::recipe::{EnvironmentRecipe, IrradianceKind, RECIPE_VERSION, Recipe, TableRecipe};
+use crate::recipe::{ArrayRecipe, EnvironmentRecipe, IrradianceKind, LayerRecipe, RECIPE_VERSION, Recipe, TableRecipe};
 use crate::table::quantity::near_matches;
 use crate::table::{Axis, Model, Point};
 use std::path::Path;
@@ -86,6 +86,8 @@ pub struct EngineTable {
     pub name: &'static str,
     /// Its file.
     pub file: &'static str,
+    /// Whether the file is an array texture, of which this is a layer: the first of them is layer 0.
+    pub is_layer: bool,
     /// Container and texel format.
     pub format: &'static str,
     /// Quantities, one per channel, as a recipe has them.
@@ -115,6 +117,7 @@ pub struct Shipped {
 const PLAIN: EngineTable = EngineTable {
     name: "dfg",
     file: "",
+    is_layer: false,
     format: "",
     channels: &[],
     axes: &[],
@@ -122,6 +125,23 @@ const PLAIN: EngineTable = EngineTable {
     visibility: Visibility::Neubelt,
     tolerance: None,
     as_shipped: None,
+};
+
+/// The inverse matrix of linearly transformed cosines in the layout of its authors, which most engines keep: in parts of m11, column after
+/// column, over roughness and √(1 − cosθ).
+const LTC_MATRIX: EngineTable = EngineTable {
+    name: "ltc-matrix",
+    channels: &["ltc.m00", "ltc.m20", "ltc.m02", "ltc.m22"],
+    axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+    ..PLAIN
+};
+
+/// The texture beside it: what a lobe is scaled by, and the form factor of a clipped sphere over axes of its own.
+const LTC_AMPLITUDE: EngineTable = EngineTable {
+    name: "ltc-amplitude",
+    channels: &["ggx.albedo", "ggx.bias", "constant.zero", "sphere.clipped"],
+    axes: &["roughness:64:edge:+cos_centre", "mu:64:sqrt-one-minus:edge:+sin2_radius"],
+    ..PLAIN
 };
 
 /// The environment of an engine.
@@ -322,7 +342,24 @@ pub fn recipe(engines: &[&Engine], environments: &[String], as_shipped: bool) ->
     for engine in engines {
         for table in engine.tables {
             let own = table.recipe(as_shipped)?;
-            recipe.tables.push(TableRecipe { file: format!("{}/{}", engine.name, own.file), ..own });
+            let file = format!("{}/{}", engine.name, own.file);
+            if !table.is_layer {
+                recipe.tables.push(TableRecipe { file, ..own });
+                continue;
+            }
+            let layer = LayerRecipe {
+                name: table.name.to_owned(),
+                channels: own.channels,
+                axes: own.axes,
+                at: own.at,
+                fit: own.fit,
+                model: own.model,
+                integration: own.integration,
+            };
+            match recipe.arrays.iter_mut().find(|array| array.file == file) {
+                Some(array) => array.layers.push(layer),
+                None => recipe.arrays.push(ArrayRecipe { file, format: own.format, layers: vec![layer] }),
+            }
         }
         for input in environments {
             if let Some(own) = engine.environment_recipe(input, as_shipped)? {
@@ -335,7 +372,7 @@ pub fn recipe(engines: &[&Engine], environments: &[String], as_shipped: bool) ->
             }
         }
     }
-    if recipe.tables.is_empty() && recipe.environments.is_empty() {
+    if recipe.tables.is_empty() && recipe.arrays.is_empty() && recipe.environments.is_empty() {
         let names: Vec<&str> = engines.iter().map(|engine| engine.name).collect();
         return Err(Error::usage(
             format!("{} reads no table that Kiln bakes, and no environment is given", names.join(", ")),

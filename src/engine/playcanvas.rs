@@ -6,7 +6,10 @@ use crate::environment::atlas;
 pub(super) static PLAYCANVAS: Engine = Engine {
     name: "playcanvas",
     title: "PlayCanvas",
-    tables: &[],
+    tables: &[
+        EngineTable { file: "ltc_1.js", format: "js:f32", tolerance: Some(1e-6), ..LTC_MATRIX },
+        EngineTable { file: "ltc_2.js", format: "js:f32", ..LTC_AMPLITUDE },
+    ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Atlas,
         size: 256,
@@ -26,6 +29,7 @@ pub(super) static PLAYCANVAS: Engine = Engine {
     }),
     sources: &[
         "playcanvas/engine: env-lighting.js, reproject-texture.js, the chunks envAtlas, reflectionEnv, ambient, spherical, decode",
+        "PlayCanvas 2.23.3: area-light-luts.js, the chunk ltc",
         "measured in PlayCanvas 2.23.3: which files its loaders take, and what it renders of this one",
     ],
     from_memory: &[],
@@ -39,5 +43,6 @@ pub(super) static PLAYCANVAS: Engine = Engine {
     missing: &["an atlas larger than 512 x 512", "a DFG: none was seen in the shaders that were read"],
     usage: "load the PNG as a texture with { type: TEXTURETYPE_RGBP, projection: TEXTUREPROJECTION_EQUIRECT, mipmaps: false, addressU and addressV: \
             ADDRESS_CLAMP_TO_EDGE } and set scene.envAtlas; ambientSH of a material takes the coefficients of sh.json, as Float32Array. For a cube of half floats: \
-            --layout cube --format dds:rgba16f+legacy --orientation -x,y,z, and EnvLighting.generatePrefilteredAtlas",
+            --layout cube --format dds:rgba16f+legacy --orientation -x,y,z, and EnvLighting.generatePrefilteredAtlas. app.setAreaLightLuts takes the numbers of ltc_1.js \
+            and ltc_2.js",
 };

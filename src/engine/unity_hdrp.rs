@@ -22,6 +22,15 @@ pub(super) static UNITY_HDRP: Engine = Engine {
             visibility: Visibility::Charlie,
             ..PLAIN
         },
+        EngineTable {
+            name: "ltc-matrix-m22",
+            file: "LtcData.BRDF_GGX.raw",
+            format: "raw:rgba16f",
+            channels: &["ltc-m22.m00", "ltc-m22.m20", "ltc-m22.m11", "ltc-m22.m02"],
+            axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+            tolerance: Some(1e-4),
+            ..PLAIN
+        },
     ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,
@@ -42,7 +51,7 @@ pub(super) static UNITY_HDRP: Engine = Engine {
     }),
     sources: &[
         "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader, BSDF.hlsl, ImageBasedLighting.hlsl, \
-         SphericalHarmonics.cs",
+         SphericalHarmonics.cs, LTCAreaLight.cs, LTCAreaLight.hlsl, LtcData.BRDF_GGX.cs",
     ],
     from_memory: &[
         "that the texture is A2B10G10R10; the file is of halves",
@@ -54,8 +63,9 @@ pub(super) static UNITY_HDRP: Engine = Engine {
     ],
     missing: &[
         "the x of the Charlie table, which is weighted by Schlick's (1 - VoH)^5",
-        "the linearly transformed cosines of _LtcData",
+        "the linearly transformed cosines of its other lobes: the slices of _LtcData after the first",
     ],
-    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse; SphericalHarmonicsL2[channel, i] is \
+    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse; the halves of LtcData.BRDF_GGX.raw \
+            go into slice 0 of _LtcData by SetPixelData; SphericalHarmonicsL2[channel, i] is \
             coefficients[i][channel] of sh.json",
 };

@@ -6,12 +6,14 @@
 pub mod beckmann;
 pub mod burley;
 pub mod charlie;
+pub mod clipped_sphere;
 pub mod cosine;
 pub mod dielectric;
 pub mod fresnel;
 pub mod ggx;
 pub mod lambert;
 pub mod layered;
+pub mod ltc;
 pub mod oren_nayar;
 pub mod smith;
 

@@ -6,21 +6,26 @@ use crate::certificate::Certificate;
 use crate::error::Result;
 use crate::math::expression::Expression;
 use crate::recipe::TableRecipe;
+use crate::table::quantity::Handle;
 use crate::table::{Arrangement, Axis, Sampling, Transform};
 
 /// Channels of a texture: a table with more is looked up in several.
 const CHANNELS: usize = 4;
 
 /// What its functions are made of.
-struct Names<'a> {
-    name: &'a str,
-    axes: &'a [Axis],
+#[derive(Clone)]
+struct Names {
+    name: String,
+    axes: Vec<Axis>,
+    /// Which channels are looked up over these axes.
+    channels: Vec<usize>,
+    /// The name of every channel.
     fields: Vec<String>,
     /// What became of each channel before it was packed.
     transforms: Vec<Transform>,
     arrangement: Arrangement,
-    /// Whether texels are codes.
-    is_coded: bool,
+    /// The function that decodes texels, where they are codes.
+    decoder: Option<String>,
     /// Which layer of an array texture it is.
     layer: Option<usize>,
 }
@@ -30,26 +35,40 @@ pub(super) fn shader(name: &str, recipe: &TableRecipe, certificate: &Certificate
     spec.check()?;
     let quantities: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
     let decoder = packing::decoder(name, "decode", recipe.format.texel(quantities.len())?);
+    // Where axes stand for two parameters each, the channels of either are looked up on their own.
+    let of_other = |c: &Handle| spec.axes.iter().filter_map(|a| a.also).any(|other| c.quantity.depends_on(other));
+    let (second, first): (Vec<usize>, Vec<usize>) =
+        (0..spec.channels.len()).partition(|&c| of_other(&spec.channels[c]));
     let names = Names {
-        name,
-        axes: &spec.axes,
+        name: name.to_owned(),
+        axes: spec.axes.clone(),
+        channels: first,
         fields: identifier::fields(&quantities),
         transforms: spec.channels.iter().map(|c| c.transform).collect(),
         arrangement: recipe.arrangement()?,
-        is_coded: decoder.is_some(),
+        decoder: decoder.as_ref().map(|_| format!("{name}_decode")),
         layer: certificate.layer,
     };
-    let mut items = vec![names.structure(), names.coordinate()];
-    items.extend(decoder);
-    if names.arrangement.is_atlas() {
-        items.push(names.tile());
+    let mut items: Vec<Item> = decoder.into_iter().collect();
+    for view in [names.clone(), names.other(second)].iter().filter(|view| !view.channels.is_empty()) {
+        items.extend([view.structure(), view.coordinate()]);
+        if view.arrangement.is_atlas() {
+            items.push(view.tile());
+        }
+        items.push(view.lookup());
     }
-    items.push(names.lookup());
     items.extend(energy::items(name, &quantities, &names.fields));
     Ok(Shader { head: names.head(recipe, certificate), items })
 }
 
-impl Names<'_> {
+impl Names {
+    /// The same for the other parameters that the axes stand for, and the channels that depend on them.
+    fn other(&self, channels: Vec<usize>) -> Self {
+        let of = channels.first().map_or("", |&c| self.fields[c].as_str());
+        let axes = self.axes.iter().map(|axis| axis.other().unwrap_or(*axis)).collect();
+        Self { name: format!("{}_{of}", self.name), axes, channels, ..self.clone() }
+    }
+
     fn head(&self, recipe: &TableRecipe, certificate: &Certificate) -> String {
         let size: Vec<String> = self.axes.iter().map(|a| a.size.to_string()).collect();
         let mut head = format!(
@@ -88,6 +107,11 @@ impl Names<'_> {
                 axis.warp,
                 if axis.flip { ", flipped" } else { "" }
             );
+            if let Some(other) = axis.other() {
+                let (low, high) = other.ends();
+                let of = other.parameter;
+                head += &format!("    and {}, {}, {low} to {high}, for the channels of it\n", of.shader_name(), of.summary());
+            }
             if axis.shift != 0.0 {
                 head += &format!("    displaced by {:+} texels, which the code makes up for\n", axis.shift);
             }
@@ -138,7 +162,8 @@ impl Names<'_> {
     }
 
     fn structure(&self) -> Item {
-        Item::Struct("What the table holds.".to_owned(), format!("{}_values", self.name), self.fields.clone())
+        let fields = self.channels.iter().map(|&c| self.fields[c].clone()).collect();
+        Item::Struct("What the table holds.".to_owned(), format!("{}_values", self.name), fields)
     }
 
     /// The texture coordinates of the parameters: two, or three for a table over three axes.
@@ -218,7 +243,8 @@ impl Names<'_> {
             body.push(let_(&texel, Type::Vec4, value));
         }
         body.push(Statement::Variable("values".to_owned(), self.values()));
-        for (channel, field) in self.fields.iter().enumerate() {
+        for &channel in &self.channels {
+            let field = &self.fields[channel];
             let component = &"xyzw"[channel % CHANNELS..=channel % CHANNELS];
             let texel = Expression::variable(format!("{}.{component}", self.texel(channel / CHANNELS)));
             body.push(Statement::Set(format!("values.{field}"), self.transforms[channel].undone(texel).to_string()));
@@ -235,10 +261,11 @@ impl Names<'_> {
 
     fn about_lookup(&self) -> String {
         let mut about = "The table at the parameters.".to_owned();
-        if self.transforms.iter().any(|t| !t.is_identity()) {
+        if self.channels.iter().any(|&c| !self.transforms[c].is_identity()) {
             about += " What became of a quantity before it was stored is undone.";
         }
-        for (field, transform) in self.fields.iter().zip(&self.transforms).filter(|(_, t)| t.limits()) {
+        let limited = self.channels.iter().map(|&c| (&self.fields[c], &self.transforms[c]));
+        for (field, transform) in limited.filter(|(_, t)| t.limits()) {
             about += &format!(
                 "\nOf {field}{transform}, nothing undoes min(y,1): where that was at work, the limit remains."
             );
@@ -252,7 +279,10 @@ impl Names<'_> {
             Some(layer) => format!("sample_layer({texture}, {at}, {layer})"),
             None => format!("sample({texture}, {at}, 0.0)"),
         };
-        if self.is_coded { format!("vec4({}_decode({texel}), 1.0)", self.name) } else { texel }
+        match &self.decoder {
+            Some(decode) => format!("vec4({decode}({texel}), 1.0)"),
+            None => texel,
+        }
     }
 
     fn texel(&self, i: usize) -> String {

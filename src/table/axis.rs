@@ -2,7 +2,7 @@
 //!
 //! This is the only place that knows half-texels, warps and flips.
 
-use super::quantity::{Parameter, near_matches};
+use super::quantity::{Parameter, Point, near_matches};
 use crate::error::{Error, Result};
 use crate::math::expression::Expression;
 use crate::math::warp::Warp;
@@ -42,12 +42,16 @@ pub struct Axis {
     /// Texels by which the content is displaced: texel i holds what belongs at i + shift, up to the end of the range. 0 in a right
     /// table; another value reproduces a published one that is not.
     pub shift: f64,
+    /// Another parameter that the same texels stand for, in channels that do not depend on the first: even over its whole range in the same
+    /// texture coordinate. Engines keep functions of different parameters in one texture.
+    pub also: Option<Parameter>,
 }
 
 impl Axis {
     /// `size` texel centres, even in the parameter itself, smallest first.
     pub fn new(parameter: Parameter, size: usize) -> Self {
-        Self { parameter, size, range: None, warp: Warp::Linear, sampling: Sampling::Centre, flip: false, shift: 0.0 }
+        let (warp, sampling) = (Warp::Linear, Sampling::Centre);
+        Self { parameter, size, range: None, warp, sampling, flip: false, shift: 0.0, also: None }
     }
 
     /// Smallest and largest value of the parameter along the axis, if it is known where it ends.
@@ -100,6 +104,23 @@ impl Axis {
         let along = (self.warp.expression(x) - first) * (scale / (last - first));
         let shift = self.shift / n;
         if self.flip { Expression::from(1.0 - offset - shift) - along } else { along + (offset - shift) }
+    }
+
+    /// The axis of the other parameter, if there is one.
+    pub fn other(&self) -> Option<Self> {
+        self.also.map(|parameter| Self { parameter, range: None, warp: Warp::Linear, also: None, ..*self })
+    }
+
+    /// The parameters that vary along it.
+    pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
+        std::iter::once(self.parameter).chain(self.also)
+    }
+
+    /// Puts into `point` what a position in texels stands for.
+    pub(super) fn place(&self, point: &mut Point, position: f64) {
+        for axis in std::iter::once(*self).chain(self.other()) {
+            point.set(axis.parameter, axis.value_at_position(position));
+        }
     }
 
     /// The parameter at a position in texels; beyond the outermost texels as far as the range goes.
@@ -172,6 +193,15 @@ impl Axis {
                 "use at least 2 texels, or sampling `centre`",
             ));
         }
+        if let Some(other) = self.also {
+            if other.canonical() == self.parameter.canonical() {
+                return Err(Error::usage(
+                    format!("axis {name} is said to stand for {other} as well, which is the same"),
+                    format!("leave out :+{other}"),
+                ));
+            }
+            self.other().map_or(Ok(()), |axis| axis.check_range())?;
+        }
         if !self.shift.is_finite() || self.shift.abs() >= self.size as f64 {
             return Err(Error::usage(
                 format!("a shift of {} texels leaves nothing of the {} of axis {name}", self.shift, self.size),
@@ -225,26 +255,30 @@ impl fmt::Display for Axis {
         if self.flip {
             f.write_str(":flip")?;
         }
-        if self.shift == 0.0 { Ok(()) } else { write!(f, ":shift{:+}", self.shift) }
+        if self.shift != 0.0 {
+            write!(f, ":shift{:+}", self.shift)?;
+        }
+        self.also.map_or(Ok(()), |other| write!(f, ":+{other}"))
     }
 }
 
-/// An axis as a user writes it: `PARAMETER[:SIZE][:LOW..HIGH][:WARP][:centre|edge][:flip][:shift±TEXELS]`, the parts after the
+/// An axis as a user writes it: `PARAMETER[:SIZE][:LOW..HIGH][:WARP][:centre|edge][:flip][:shift±TEXELS][:+OTHER]`, the parts after the
 /// first in any order. A size of 0 stands for one that was not given.
 impl FromStr for Axis {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
         let mut parts = text.split(':').map(str::trim);
-        let name = parts.next().unwrap_or_default();
-        let parameter = Parameter::from_name(name).ok_or_else(|| {
-            let known: Vec<_> = Parameter::ALL.iter().map(|p| p.name()).collect();
-            Error::usage(
-                format!("no parameter is called {name:?}; known are {}", known.join(", ")),
-                near_matches(name, &known, "kiln list quantities"),
-            )
-        })?;
-        let mut axis = Self::new(parameter, 0);
+        let parameter = |name: &str| {
+            Parameter::from_name(name).ok_or_else(|| {
+                let known: Vec<_> = Parameter::ALL.iter().map(|p| p.name()).collect();
+                Error::usage(
+                    format!("no parameter is called {name:?}; known are {}", known.join(", ")),
+                    near_matches(name, &known, "kiln list quantities"),
+                )
+            })
+        };
+        let mut axis = Self::new(parameter(parts.next().unwrap_or_default())?, 0);
         for part in parts {
             if let Ok(size) = part.parse() {
                 axis.size = size;
@@ -256,6 +290,8 @@ impl FromStr for Axis {
                 axis.range = Some(range);
             } else if let Some(shift) = part.strip_prefix("shift").and_then(|texels| texels.parse().ok()) {
                 axis.shift = shift;
+            } else if let Some(other) = part.strip_prefix('+') {
+                axis.also = Some(parameter(other)?);
             } else {
                 match part {
                     "centre" | "center" => axis.sampling = Sampling::Centre,
@@ -265,7 +301,7 @@ impl FromStr for Axis {
                         return Err(Error::usage(
                             format!("axis {text:?} has an unknown part {part:?}"),
                             format!(
-                                "write PARAMETER[:SIZE][:LOW..HIGH][:{}][:centre|edge][:flip], such as mu:64:sqrt:edge",
+                                "write PARAMETER[:SIZE][:LOW..HIGH][:{}][:centre|edge][:flip][:+OTHER], such as mu:64:sqrt:edge",
                                 Warp::SYNTAX
                             ),
                         ));
@@ -362,6 +398,25 @@ mod tests {
         for bad in ["mu:64:sqr", "nu:64", "mu:1..", "mu:64:a..b"] {
             assert!(bad.parse::<Axis>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn an_axis_stands_for_another_parameter_in_the_same_texture_coordinate() {
+        let axis: Axis = "mu:64:sqrt-one-minus:edge:+sin2_radius".parse().expect("an axis");
+        axis.check().expect("an axis");
+        assert_eq!(axis.to_string(), "mu:64:sqrt-one-minus:edge:+sin2_radius");
+        let other = axis.other().expect("another");
+        for i in 0..64 {
+            let t = i as f64 / 63.0;
+            assert!((other.value(i) - t).abs() < 1e-15 && (axis.value(i) - (1.0 - t * t)).abs() < 1e-15, "{i}");
+        }
+        let centre: Axis = "roughness:8:+cos_centre".parse().expect("an axis");
+        assert_eq!(centre.other().expect("another").value(0), -1.0 + 2.0 / 16.0);
+        for (bad, says) in [("mu:8:+mu", "the same"), ("roughness:8:+alpha", "the same"), ("mu:8:+eta", "begins and ends")] {
+            let message = bad.parse::<Axis>().expect(bad).check().expect_err(bad).to_string();
+            assert!(message.contains(says), "{bad}: {message}");
+        }
+        assert!("mu:8:+nu".parse::<Axis>().is_err());
     }
 
     #[test]

@@ -71,7 +71,7 @@ impl TableSpec {
     pub fn point(&self, index: usize) -> Point {
         let (mut rest, mut point) = (index, self.at);
         for axis in &self.axes {
-            point.set(axis.parameter, axis.value(rest % axis.size));
+            axis.place(&mut point, (rest % axis.size) as f64);
             rest /= axis.size;
         }
         point
@@ -103,23 +103,25 @@ impl TableSpec {
             ));
         }
         for (i, axis) in self.axes.iter().enumerate() {
-            let same = |other: &&Axis| other.parameter.canonical() == axis.parameter.canonical();
-            if let Some(other) = self.axes[..i].iter().find(same) {
-                return Err(Error::usage(
-                    format!("two axes, {} and {}, vary the same parameter", other.parameter, axis.parameter),
-                    "let each axis vary one of its own, such as mu,roughness",
-                ));
-            }
-            if self.at.get(axis.parameter).is_ok() {
-                return Err(Error::usage(
-                    format!("{} is given a value, and an axis varies it", axis.parameter),
-                    "leave one of them out",
-                ));
+            for parameter in axis.parameters() {
+                let same = |other: &Parameter| other.canonical() == parameter.canonical();
+                if let Some(other) = self.axes[..i].iter().flat_map(Axis::parameters).find(same) {
+                    return Err(Error::usage(
+                        format!("two axes, {other} and {parameter}, vary the same parameter"),
+                        "let each axis vary one of its own, such as mu,roughness",
+                    ));
+                }
+                if self.at.get(parameter).is_ok() {
+                    return Err(Error::usage(
+                        format!("{parameter} is given a value, and an axis varies it"),
+                        "leave one of them out",
+                    ));
+                }
             }
         }
         for channel in &self.channels {
             for needed in channel.quantity.parameters {
-                if self.axis(*needed).is_none() && self.at.get(*needed).is_err() {
+                if !self.varies(*needed) && self.at.get(*needed).is_err() {
                     let axis =
                         if needed.range().is_some() { format!("{needed}:64") } else { format!("{needed}:16:1..3") };
                     return Err(Error::usage(
@@ -136,15 +138,28 @@ impl TableSpec {
                 format!("leave {parameter} out, or add a channel that depends on it"),
             ));
         }
-        for axis in &self.axes {
-            if !self.channels.iter().any(|c| c.quantity.depends_on(axis.parameter)) {
+        for (axis, parameter) in self.axes.iter().flat_map(|a| a.parameters().map(move |p| (a, p))) {
+            if !self.channels.iter().any(|c| c.quantity.depends_on(parameter)) {
                 return Err(Error::usage(
-                    format!("no channel depends on the axis {}", axis.parameter),
+                    format!("no channel depends on the axis {parameter}"),
                     "remove that axis, or add a channel that varies along it",
+                ));
+            }
+            // What is constant along one parameter of a texture's axis would not be along the other.
+            let both = |c: &&Handle| axis.parameters().all(|p| c.quantity.depends_on(p));
+            if let (Some(other), Some(channel)) = (axis.also, self.channels.iter().find(both)) {
+                return Err(Error::usage(
+                    format!("{} depends on {} and on {other}, which share an axis", channel.label(), axis.parameter),
+                    "give each an axis of its own",
                 ));
             }
         }
         Ok(())
+    }
+
+    /// Whether an axis varies `parameter`, or the parameter that it stands for.
+    pub fn varies(&self, parameter: Parameter) -> bool {
+        self.axes.iter().flat_map(Axis::parameters).any(|p| p.canonical() == parameter.canonical())
     }
 
     /// What computes all channels at a point, each family of quantities once.

@@ -189,7 +189,7 @@ impl Truth {
 pub(super) fn parameters(spec: &TableSpec, position: &[f64]) -> Point {
     let mut at = spec.at;
     for (axis, &p) in spec.axes.iter().zip(position) {
-        at.set(axis.parameter, axis.value_at_position(p));
+        axis.place(&mut at, p);
     }
     at
 }

@@ -3,7 +3,7 @@
 //! [`quantity`] says what can be in a channel, [`transform`] what becomes of it there, [`axis`] which parameter a texel stands for, [`layout`] where it lies in a file, [`TableSpec::bake`] integrates, [`rounding`]
 //! makes sure of the packed value, and [`named`]
 //! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`anisotropic`], [`beckmann`], [`charlie`], [`dielectric`],
-//! [`conductor`], [`diffuse`], [`fresnel`], [`lambert`], [`layered`], [`compensation`]; [`specular`] holds what two of them share.
+//! [`conductor`], [`diffuse`], [`fresnel`], [`lambert`], [`layered`], [`compensation`], [`ltc`], [`constant`]; [`specular`] holds what two of them share.
 
 pub mod anisotropic;
 pub mod axis;
@@ -12,6 +12,7 @@ pub mod beckmann;
 pub mod charlie;
 pub mod compensation;
 pub mod conductor;
+pub mod constant;
 pub mod dielectric;
 pub mod diffuse;
 pub mod fit;
@@ -21,6 +22,7 @@ pub mod lambert;
 pub mod layered;
 pub mod layout;
 pub mod lookup;
+pub mod ltc;
 pub mod named;
 pub mod quantity;
 pub mod rounding;

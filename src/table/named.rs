@@ -230,6 +230,34 @@ pub static TABLES: &[NamedTable] = &[
         axes: &["mu:64", "roughness:64"],
         at: &[],
     },
+    NamedTable {
+        name: "ltc-matrix",
+        summary: "linearly transformed cosines for area lights: the inverse matrix' entries in parts of m11, in the usual order of columns",
+        channels: &["ltc.m00", "ltc.m20", "ltc.m02", "ltc.m22"],
+        axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+        at: &[],
+    },
+    NamedTable {
+        name: "ltc-amplitude",
+        summary: "the texture beside it: albedo, Schlick's part of it, nothing, and the form factor of a sphere cut off by the horizon",
+        channels: &["ggx.albedo", "ggx.bias", "constant.zero", "sphere.clipped"],
+        axes: &["roughness:64:edge:+cos_centre", "mu:64:sqrt-one-minus:edge:+sin2_radius"],
+        at: &[],
+    },
+    NamedTable {
+        name: "ltc-matrix-m22",
+        summary: "the inverse matrix in parts of m22, as Unity has it: m00, m20, m11, m02",
+        channels: &["ltc-m22.m00", "ltc-m22.m20", "ltc-m22.m11", "ltc-m22.m02"],
+        axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+        at: &[],
+    },
+    NamedTable {
+        name: "clipped-sphere",
+        summary: "the form factor of a sphere cut off by the horizon, on its own",
+        channels: &["sphere.clipped"],
+        axes: &["cos_centre:64:edge", "sin2_radius:64:edge"],
+        at: &[],
+    },
 ];
 
 impl NamedTable {

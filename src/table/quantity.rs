@@ -40,6 +40,10 @@ pub enum Parameter {
     AlphaX,
     /// Width of an anisotropic distribution along the bitangent.
     AlphaY,
+    /// Cosine of a sphere's centre to the normal.
+    CosCentre,
+    /// Squared sine of the angular radius of a sphere.
+    Sin2Radius,
 }
 
 /// What is known of a parameter: one row each.
@@ -162,11 +166,27 @@ const FACTS: [Facts; Parameter::ALL.len()] = [
         limits: &[],
         range: Some(UNIT),
     },
+    Facts {
+        parameter: Parameter::CosCentre,
+        name: "cos_centre",
+        summary: "cosine of a sphere's centre to the normal: below 0 where it is under the horizon",
+        domain: (-1.0, 1.0),
+        limits: &[],
+        range: Some((-1.0, 1.0)),
+    },
+    Facts {
+        parameter: Parameter::Sin2Radius,
+        name: "sin2_radius",
+        summary: "squared sine of the angular radius of a sphere: the length of its vector form factor",
+        domain: UNIT,
+        limits: &[],
+        range: Some(UNIT),
+    },
 ];
 
 impl Parameter {
     /// Every parameter.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Mu,
         Self::Alpha,
         Self::Roughness,
@@ -180,6 +200,8 @@ impl Parameter {
         Self::Phi,
         Self::AlphaX,
         Self::AlphaY,
+        Self::CosCentre,
+        Self::Sin2Radius,
     ];
 
     fn facts(self) -> &'static Facts {
@@ -415,7 +437,7 @@ impl Quantity {
 
     /// Whether masking and shadowing are by Smith: of the microfacet lobes of surfaces, and what is made of them.
     pub fn depends_on_smith(&self) -> bool {
-        let families = ["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation"];
+        let families = ["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation", "ltc", "ltc-m22"];
         families.contains(&self.family_name())
     }
 
@@ -464,6 +486,21 @@ pub trait Family: Sync {
 
     /// Known exact values at `at`, as (quantity, value, what it is called), for tests and `verify`.
     fn identities(&self, at: &Point, model: &Model) -> Vec<Identity>;
+
+    /// How far the quantities are from what they stand for, where they are a fit to something else: no error of theirs, but a
+    /// property of the model.
+    fn approximation(&self, _at: &Point, _model: &Model) -> Option<Approximation> {
+        None
+    }
+}
+
+/// How far a fitted lobe is from the one that it stands for, both taken to integrate to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approximation {
+    /// ½ ∫ |g − f|: what any light, whatever its shape, may be rendered off by, in parts of the albedo.
+    pub total_variation: f64,
+    /// (∫ (g − f)² / ∫ f²)^½.
+    pub square: f64,
 }
 
 /// A value that a quantity is known to have by a closed form or a limit.
@@ -506,6 +543,10 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::conductor::Conductor,
     &super::layered::Layered,
     &super::compensation::Compensation,
+    &super::ltc::ByM11,
+    &super::ltc::ByM22,
+    &super::ltc::ClippedSphere,
+    &super::constant::Constant,
 ];
 
 /// Every quantity with its family and its place in it.
@@ -703,7 +744,7 @@ mod tests {
         use crate::integrate::{Integration, Settings};
         let integration =
             Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).expect("settings");
-        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6];
+        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6, 0.1, 0.3];
         for handle in all().filter(|h| h.family.has_quadrature()) {
             let at = Parameter::ALL.into_iter().zip(values).filter(|(p, _)| handle.quantity.parameters.contains(p));
             let at = at.fold(Point::default(), |at, (p, v)| at.with(p, v).expect("in the domain"));

@@ -24,6 +24,9 @@ fn small(engine: &'static Engine, input: &str, as_shipped: bool) -> Recipe {
         let size = if table.axes.len() == 3 { AXIS / 2 } else { AXIS };
         table.axes.iter_mut().for_each(|axis| axis.size = size);
     }
+    for layer in recipe.arrays.iter_mut().flat_map(|array| &mut array.layers) {
+        layer.axes.iter_mut().for_each(|axis| axis.size = AXIS);
+    }
     for environment in &mut recipe.environments {
         let preset = engine.environment.as_ref().expect("an environment");
         // An atlas has one size.
@@ -43,6 +46,10 @@ fn bake_all(recipe: &Recipe, folder: &Path) -> Vec<Baked> {
     let mut baked = vec![];
     for table in &recipe.tables {
         baked.push(bake::table(table, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.file)));
+    }
+    for array in &recipe.arrays {
+        let made = bake::array(array, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", array.file));
+        made.write(folder).expect("a folder");
     }
     for environment in &recipe.environments {
         let source = bake::source(environment).expect("an input");

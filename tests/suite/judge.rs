@@ -302,7 +302,7 @@ fn integrated(recipe: &TableRecipe) -> Grid {
 
 #[test]
 fn every_two_dimensional_named_table_is_recognised_by_its_numbers() {
-    for table in TABLES.iter().filter(|t| t.axes.len() == 2 && !SLOW.contains(&t.name)) {
+    for table in TABLES.iter().filter(|t| t.axes.len() == 2 && !SLOW.contains(&t.name) && !FITTED.contains(&t.name)) {
         let recipe = sized(table.name, FormatSpec::exr(kiln::pack::Number::F32), 16);
         let found = found(&integrated(&recipe));
         assert_eq!(quantities(&found), table.channels, "{}: {found:#?}", table.name);
@@ -311,6 +311,9 @@ fn every_two_dimensional_named_table_is_recognised_by_its_numbers() {
         assert!(found.confidence >= Confidence::Likely, "{}: {found:#?}", table.name);
     }
 }
+
+/// Tables of fits, which everybody makes by a measure of their own, and what stands beside them over other axes: nobody's numbers tell which.
+const FITTED: [&str; 4] = ["ltc-matrix", "ltc-matrix-m22", "ltc-amplitude", "clipped-sphere"];
 
 /// Tables whose integrals take longer than a test has.
 const SLOW: [&str; 1] = ["dielectric-avg"];

@@ -3,6 +3,7 @@
 mod support;
 
 mod arbitrary_bytes;
+mod area_lights;
 mod arrays;
 mod atlas;
 mod chains;

@@ -52,8 +52,9 @@ impl Kind {
             // Another reflectance, the same albedo.
             Self { found: kd(Kd::Albedo), ..Self::of("layered-albedo", kd(Kd::Reciprocal)) },
         ];
-        // One number everywhere is nothing to recognise.
-        let named = TABLES.iter().filter(|table| table.name != "lambert-albedo");
+        // One number everywhere is nothing to recognise, and fits are everybody's own.
+        let unknown = ["lambert-albedo", "ltc-matrix", "ltc-matrix-m22", "ltc-amplitude", "clipped-sphere"];
+        let named = TABLES.iter().filter(|table| !unknown.contains(&table.name));
         named.map(|table| Self::of(table.name, Model::default())).chain(others).collect()
     }
 

@@ -1,0 +1,276 @@
+//! The linearly transformed cosine that is nearest to a lobe of GGX.
+//!
+//! Nearest is meant in least squares: the fit makes ∫ (g − f cosθ/E)² dω over the whole sphere least, over all matrices that are
+//! symmetric about the plane of incidence. Of the powers that could be taken of the difference, the square alone leaves an integrand without new kinks,
+//! so that the minimum is known to as many digits as one likes: the fit is a quantity like any other, with a bound for its
+//! error. Against lobes that were fitted to the cube of the difference, with an axis fixed beforehand, it is nearer in the first, second
+//! and third power alike (a test has the figures). What lies below the surface's horizon counts as all the rest does, since shaders do
+//! not clip it.
+//!
+//! The minimum is found by Gauss–Newton steps along the variations of [`Ltc`], in which a mirror's lobe is as wide as any, with what
+//! these leave out of the curvature learnt from step to step (the structured secant update of Dennis, Gay and Welsch 1981, of rank one).
+//! They begin at the limit for narrow lobes, to second order, derived here:
+//!
+//! ```text
+//! n_x = (along the plane)/2α,   n_y = y/(2α μ),   n_z = ((1 + μ⁴)/2μ) z − sinθ ((1 + μ²)/2) x.
+//! ```
+
+use super::ltc::{Misfit, Reflection, absolute, misfit};
+use super::{LADDER, ggx_albedo};
+use crate::math::quadrature::GradedRules;
+use crate::model::ggx::Smith;
+use crate::model::ltc::{Ltc, VARIATIONS};
+
+/// A fit, by two rules.
+#[derive(Debug, Clone, Copy)]
+pub struct LtcFit {
+    /// The lobe.
+    pub ltc: Ltc,
+    /// The same by the next coarser rule: how far it is from the finer one is how far that may be from the truth.
+    pub coarser: Ltc,
+}
+
+/// How far a fitted lobe is from the one that it stands for, both taken to integrate to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LtcDistance {
+    /// ½ ∫ |g − f|: no area light of radiance 1, whatever its shape, is rendered off by more than this part of the albedo.
+    pub total_variation: f64,
+    /// (∫ |g − f|² / ∫ f²)^½, which the fit makes least.
+    pub square: f64,
+    /// (∫ |g − f|³ / ∫ f³)^⅓.
+    pub cube: f64,
+}
+
+/// The tolerance of the albedo that the lobe is divided by.
+const ALBEDO: f64 = 1e-13;
+/// The step after which the first, coarse search is near enough for a finer rule to go on from.
+const NEAR: f64 = 1e-3;
+/// The step at which a search ends: the next one would be of its square or so.
+const ARRIVED: f64 = 1e-8;
+
+/// The best lobe for GGX of width `alpha` seen at cosine `mu`; `is_good` tells when the two rules agree well enough.
+///
+/// `mu` in [0, 1], `alpha` in (0, 1], not below 1e-5.
+pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
+    let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
+    let is_round = mu == 1.0;
+    let near = search(&reflection, narrow_limit(mu, alpha), &LADDER[0].rules, NEAR, is_round);
+    let mut coarser = search(&reflection, near, &LADDER[1].rules, ARRIVED, is_round);
+    let mut best: Option<(f64, LtcFit)> = None;
+    for rung in &LADDER[2..] {
+        let ltc = search(&reflection, coarser, &rung.rules, ARRIVED, is_round);
+        let fit = LtcFit { ltc, coarser };
+        let change = fit.change();
+        // Past the point where rounding rules, a finer rung may look worse: keep the better of the two.
+        if best.as_ref().is_none_or(|(least, _)| change < *least) {
+            best = Some((change, fit));
+        }
+        if is_good(&fit) {
+            break;
+        }
+        coarser = ltc;
+    }
+    best.map_or(LtcFit { ltc: coarser, coarser }, |(_, fit)| fit)
+}
+
+/// A quick fit, good to a few digits: the least that the ladder gives.
+pub fn ltc_fit_quickly(mu: f64, alpha: f64, smith: Smith) -> Ltc {
+    let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
+    search(&reflection, narrow_limit(mu, alpha), &LADDER[0].rules, NEAR, mu == 1.0)
+}
+
+/// How far `ltc` is from GGX of width `alpha` seen at cosine `mu`; good to about 1e-3 of itself.
+pub fn ltc_distance(mu: f64, alpha: f64, smith: Smith, ltc: &Ltc) -> LtcDistance {
+    let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
+    let rules = &LADDER[1].rules;
+    let (total_variation, cube) = absolute(&reflection, ltc, rules);
+    let Misfit { square, whole, .. } = misfit(&reflection, ltc, rules);
+    LtcDistance { total_variation, square: (square / whole).sqrt(), cube }
+}
+
+impl LtcFit {
+    fn change(&self) -> f64 {
+        self.ltc.by_m11().iter().zip(self.coarser.by_m11()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+}
+
+/// Where the search begins: the limit of narrow lobes, kept away from the horizon that they would otherwise be squeezed into, by as much
+/// as turns out to save steps.
+fn narrow_limit(mu: f64, alpha: f64) -> Ltc {
+    let grazing = 1.0 - mu;
+    let cos = (mu + 2.5 * alpha * grazing).min(1.0);
+    let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
+    let along = 2.0 * alpha * (1.0 + 1.3 * grazing.powi(4)) / (1.0 + alpha);
+    let across = 2.0 * alpha * (mu + 1.2 * alpha * grazing) / (1.0 + alpha);
+    let tilt = -sin * 0.5 * (1.0 + cos * cos);
+    Ltc { x: [cos / along, sin / along], y: 1.0 / across, z: [tilt, (1.0 + tilt * sin) / cos] }
+}
+
+/// Steps at most; twice what any place was seen to take.
+const MOST_STEPS: usize = 160;
+/// A step that is longer than this is damped: stretches and shears by as much change the lobe altogether.
+const LONGEST: f64 = 0.7;
+
+/// Steps from `start` to the best lobe by these rules, until one is shorter than `arrived`.
+fn search(reflection: &Reflection, start: Ltc, rules: &GradedRules, arrived: f64, is_round: bool) -> Ltc {
+    let at = |ltc: &Ltc| {
+        let found = misfit(reflection, ltc, rules);
+        if is_round { rounded(found) } else { found }
+    };
+    let (mut ltc, mut here) = (start, at(&start));
+    let (mut missing, mut damping) = ([[0.0; VARIATIONS]; VARIATIONS], 0.0_f64);
+    for _ in 0..MOST_STEPS {
+        let mut curvature = here.curvature;
+        for i in 0..VARIATIONS {
+            (0..VARIATIONS).for_each(|j| curvature[i][j] += missing[i][j]);
+            curvature[i][i] += damping * here.curvature[i][i];
+        }
+        let step = solve(curvature, here.gradient.map(|g| -g));
+        let length = step.iter().map(|s| s.abs()).fold(0.0, f64::max);
+        let slope = dot(&step, &here.gradient);
+        if length < arrived {
+            return ltc.varied(step);
+        }
+        if length.is_nan() || length > LONGEST || slope > 0.0 {
+            if slope > 0.0 {
+                missing = [[0.0; VARIATIONS]; VARIATIONS]; // it leads uphill
+            }
+            damping = (4.0 * damping).max(1e-2);
+            continue;
+        }
+        let next = ltc.varied(step);
+        let there = at(&next);
+        // A fall of a ten-thousandth of what the slope promises is enough; steps too short to be judged by rounded squares are trusted.
+        if there.square > here.square + 1e-4 * slope && length > TRUSTED {
+            damping = (4.0 * damping).max(1e-2);
+            continue;
+        }
+        learn(&mut missing, &here, &there, &step);
+        (ltc, here) = (next, there);
+        damping = if damping < 1e-3 { 0.0 } else { 0.1 * damping };
+    }
+    ltc
+}
+
+/// A step that changes the square by less than what rounding does.
+const TRUSTED: f64 = 1e-5;
+
+/// What the gradient's change says of the curvature beyond `there.curvature`: the symmetric update of rank one.
+fn learn(missing: &mut [[f64; VARIATIONS]; VARIATIONS], here: &Misfit, there: &Misfit, step: &[f64; VARIATIONS]) {
+    let rest: [f64; VARIATIONS] = std::array::from_fn(|i| {
+        let known: f64 = (0..VARIATIONS).map(|j| (there.curvature[i][j] + missing[i][j]) * step[j]).sum();
+        there.gradient[i] - here.gradient[i] - known
+    });
+    let along = dot(&rest, step);
+    let scale: f64 = (0..VARIATIONS).map(|i| step[i] * dot(&there.curvature[i], step)).sum();
+    // The usual guard against a division by next to nothing.
+    if along.abs() > 1e-6 * scale {
+        for i in 0..VARIATIONS {
+            (0..VARIATIONS).for_each(|j| missing[i][j] += rest[i] * rest[j] / along);
+        }
+    }
+}
+
+/// Seen from straight above, a lobe is round: what stretches it along x stretches it along y, and nothing shears it.
+fn rounded(found: Misfit) -> Misfit {
+    let [[a, b, ..], [_, c, ..], ..] = found.curvature;
+    let (slope, bend) = (0.5 * (found.gradient[0] + found.gradient[1]), 0.5 * (a + 2.0 * b + c));
+    let mut curvature = [[0.0; VARIATIONS]; VARIATIONS];
+    (0..VARIATIONS).for_each(|i| curvature[i][i] = bend);
+    Misfit { gradient: [slope, slope, 0.0, 0.0], curvature, ..found }
+}
+
+fn dot(a: &[f64; VARIATIONS], b: &[f64; VARIATIONS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The solution of four equations, by elimination with pivots; not finite where there is none.
+pub(crate) fn solve(mut matrix: [[f64; VARIATIONS]; VARIATIONS], mut right: [f64; VARIATIONS]) -> [f64; VARIATIONS] {
+    for i in 0..VARIATIONS {
+        let pivot = (i..VARIATIONS).max_by(|&a, &b| matrix[a][i].abs().total_cmp(&matrix[b][i].abs())).unwrap_or(i);
+        matrix.swap(i, pivot);
+        right.swap(i, pivot);
+        for row in i + 1..VARIATIONS {
+            let factor = matrix[row][i] / matrix[i][i];
+            for column in i..VARIATIONS {
+                matrix[row][column] -= factor * matrix[i][column];
+            }
+            right[row] -= factor * right[i];
+        }
+    }
+    for i in (0..VARIATIONS).rev() {
+        let known: f64 = (i + 1..VARIATIONS).map(|j| matrix[i][j] * right[j]).sum();
+        right[i] = (right[i] - known) / matrix[i][i];
+    }
+    right
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MUS: [f64; 7] = [0.0, 1e-3, 0.05, 0.3, 0.7, 0.98, 1.0];
+    const ALPHAS: [f64; 5] = [1e-5, 1e-3, 0.03, 0.3, 1.0];
+
+    fn places() -> impl Iterator<Item = (f64, f64)> {
+        MUS.into_iter().flat_map(|mu| ALPHAS.map(|alpha| (mu, alpha)))
+    }
+
+    fn apart(a: &Ltc, b: &Ltc) -> f64 {
+        a.by_m11().iter().zip(b.by_m11()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn two_rules_tell_how_far_the_finer_one_is_from_the_finest() {
+        for (mu, alpha) in places() {
+            let finest = ltc_fit(mu, alpha, Smith::Correlated, |fit| fit.change() < 1e-12);
+            for tolerance in [1e-3, 1e-6, 1e-8] {
+                let fit = ltc_fit(mu, alpha, Smith::Correlated, |fit| 4.0 * fit.change() <= tolerance);
+                let (off, said) = (apart(&fit.ltc, &finest.ltc), 4.0 * fit.change() + 1e-13);
+                assert!(off <= said && said <= tolerance, "mu {mu} alpha {alpha} {tolerance:e}: off by {off:e}, said {said:e}");
+            }
+            let quick = apart(&ltc_fit_quickly(mu, alpha, Smith::Correlated), &finest.ltc);
+            assert!(quick < 2e-3, "mu {mu} alpha {alpha}: {quick:e}");
+        }
+    }
+
+    #[test]
+    fn the_place_does_not_depend_on_where_the_search_begins() {
+        for (mu, alpha) in places() {
+            let reflection =
+                Reflection::new(mu, alpha, Smith::Correlated, ggx_albedo(mu, alpha, Smith::Correlated, ALBEDO).value);
+            let best = search(&reflection, narrow_limit(mu, alpha), &LADDER[2].rules, ARRIVED, mu == 1.0);
+            for step in [[0.3, 0.0, 0.0, 0.0], [-0.3, 0.3, 0.0, 0.0], [0.0, -0.3, 0.3, 0.0], [0.0, 0.0, -0.3, 0.2]] {
+                let step = if mu == 1.0 { [step[0], step[0], 0.0, 0.0] } else { step };
+                let again = search(&reflection, best.varied(step), &LADDER[2].rules, ARRIVED, mu == 1.0);
+                let off = apart(&again, &best);
+                // Each search ends within a step of 1e-8 of the place, or of what rounding leaves of it.
+                assert!(off < 1e-7, "mu {mu} alpha {alpha} from {step:?}: {off:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn lobes_change_smoothly_from_place_to_place() {
+        // Along both axes of a usual table, no entry bends by more than a tenth between three texels.
+        const N: usize = 24;
+        let fits: Vec<Vec<[f64; 4]>> = (0..N)
+            .map(|j| {
+                let mu = 1.0 - (j as f64 / (N - 1) as f64).powi(2);
+                let alpha = |i: usize| (i as f64 / (N - 1) as f64).powi(2).max(1e-5);
+                (0..N).map(|i| ltc_fit_quickly(mu, alpha(i), Smith::Correlated).by_m11()).collect()
+            })
+            .collect();
+        for j in 1..N - 1 {
+            for i in 1..N - 1 {
+                for k in 0..4 {
+                    let at = |j: usize, i: usize| fits[j][i][k];
+                    for (a, b) in [(at(j, i - 1), at(j, i + 1)), (at(j - 1, i), at(j + 1, i))] {
+                        let bend = (a + b - 2.0 * at(j, i)).abs();
+                        assert!(bend < 0.1, "entry {k} at {i}, {j}: {a} {} {b}", at(j, i));
+                    }
+                }
+            }
+        }
+    }
+}
