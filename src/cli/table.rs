@@ -117,9 +117,10 @@ impl Table {
     /// The given values, and the table's own where they still mean something.
     fn point(&self, recipe: &TableRecipe) -> Result<Point> {
         let spec = recipe.spec()?;
-        let own = recipe.at.given().filter(|(p, _)| {
-            !spec.varies(*p) && spec.channels.iter().any(|channel| channel.quantity.depends_on(*p))
-        });
+        let own = recipe
+            .at
+            .given()
+            .filter(|(p, _)| !spec.varies(*p) && spec.channels.iter().any(|channel| channel.quantity.depends_on(*p)));
         self.parameters.over(own)
     }
 

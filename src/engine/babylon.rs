@@ -55,9 +55,7 @@ pub(super) static BABYLON: Engine = Engine {
         "the world is left-handed: glTF's +X, as Babylon.js imports it, is -X, and the cube is mirrored to match",
         "at r = 1 the irradiance is read, not a specular level; levels beyond alpha 1 hold alpha 1",
     ],
-    missing: &[
-        "the fuzz of OpenPBR: linearly transformed cosines of a sheen that scatters more than once",
-    ],
+    missing: &["the fuzz of OpenPBR: linearly transformed cosines of a sheen that scatters more than once"],
     usage: "CubeTexture.CreateFromPrefilteredData; scene.environmentBRDFTexture takes the table, isRGBD set, and scene.openPBREnvironmentBRDFTexture that of \
             OpenPBR materials, before the first of them is made. After the first area light is made, scene._ltcTextures.LTC1 and LTC2 take new \
             Uint16Array(buffer) of the two raw files by update()",

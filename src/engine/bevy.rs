@@ -36,7 +36,9 @@ pub(super) static BEVY: Engine = Engine {
     sources: &[
         "bevyengine/bevy: crates/bevy_pbr/src/lib.rs, render/pbr_lighting.wesl, light_probe/, environment_map/dfg.ktx2, ltc/ltc.ktx2",
     ],
-    from_memory: &["that entries of the LTC matrix stand in the order of the published table, which its file was made from"],
+    from_memory: &[
+        "that entries of the LTC matrix stand in the order of the published table, which its file was made from",
+    ],
     warnings: &[
         "its own dfg.ktx2 is 0.5 % low at grazing angles: too few samples; the right one is baked",
         "bevy negates Z before it samples: a file of the glTF IBL sampler shows mirrored, this one does not",

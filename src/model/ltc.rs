@@ -209,7 +209,8 @@ mod tests {
                 let [x, z] = ltc.in_plane(a.sin(), a.cos());
                 x * x + z * z
             };
-            let (mean, swing) = (0.5 * (square(angle) + square(angle + FRAC_PI_2)), 0.5 * (square(angle + FRAC_PI_2) - square(angle)));
+            let (mean, swing) =
+                (0.5 * (square(angle) + square(angle + FRAC_PI_2)), 0.5 * (square(angle + FRAC_PI_2) - square(angle)));
             assert!(swing >= 0.0, "{ltc:?}: the ridge is where |n| is least");
             if swing > 0.0 {
                 assert!((mean - swing * (2.0 * width).cosh()).abs() < 1e-12 * mean, "{ltc:?}: {angle} {width}");

@@ -110,7 +110,11 @@ impl Names {
             if let Some(other) = axis.other() {
                 let (low, high) = other.ends();
                 let of = other.parameter;
-                head += &format!("    and {}, {}, {low} to {high}, for the channels of it\n", of.shader_name(), of.summary());
+                head += &format!(
+                    "    and {}, {}, {low} to {high}, for the channels of it\n",
+                    of.shader_name(),
+                    of.summary()
+                );
             }
             if axis.shift != 0.0 {
                 head += &format!("    displaced by {:+} texels, which the code makes up for\n", axis.shift);

@@ -412,7 +412,9 @@ mod tests {
         }
         let centre: Axis = "roughness:8:+cos_centre".parse().expect("an axis");
         assert_eq!(centre.other().expect("another").value(0), -1.0 + 2.0 / 16.0);
-        for (bad, says) in [("mu:8:+mu", "the same"), ("roughness:8:+alpha", "the same"), ("mu:8:+eta", "begins and ends")] {
+        for (bad, says) in
+            [("mu:8:+mu", "the same"), ("roughness:8:+alpha", "the same"), ("mu:8:+eta", "begins and ends")]
+        {
             let message = bad.parse::<Axis>().expect(bad).check().expect_err(bad).to_string();
             assert!(message.contains(says), "{bad}: {message}");
         }

@@ -79,7 +79,10 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
                 (distances(mu, alpha, &fit), distances(mu, alpha, &from_columns(&matrices[at..at + 4])));
             for k in 0..3 {
                 // Where both are the best there is, at normal incidence, six digits of theirs and the points tell them apart.
-                assert!(own[k] <= 1.005 * published[k] + 1e-5, "mu {mu} roughness {roughness}: {own:?}, published {published:?}");
+                assert!(
+                    own[k] <= 1.005 * published[k] + 1e-5,
+                    "mu {mu} roughness {roughness}: {own:?}, published {published:?}"
+                );
                 ours[k] += own[k];
                 theirs[k] += published[k];
             }
@@ -87,7 +90,10 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
             // The certificate's figures are these, but for what so few points make of kinks.
             let said = ltc_distance(mu, alpha, Smith::Correlated, &fit);
             for (said, found) in [said.total_variation, said.square, said.cube].into_iter().zip(own) {
-                assert!((said - found).abs() < 0.02 * found + 1e-4, "mu {mu} roughness {roughness}: {said:?}, found {own:?}");
+                assert!(
+                    (said - found).abs() < 0.02 * found + 1e-4,
+                    "mu {mu} roughness {roughness}: {said:?}, found {own:?}"
+                );
             }
         }
     }
@@ -138,8 +144,26 @@ fn a_table_of_lobes_says_how_far_they_are_from_what_they_stand_for() {
     succeed(folder.path(), &["-q", "verify", "ltc.exr"]);
     // Its bytes are what anybody else bakes.
     succeed(folder.path(), &["-q", "--threads", "1", "table", "ltc-matrix", "--size", "8", "-o", "again.exr"]);
-    let texels = |file: &str| Certificate::from_json(&std::fs::read_to_string(folder.path().join(file)).unwrap()).unwrap().files[0].digest.clone();
+    let texels = |file: &str| {
+        Certificate::from_json(&std::fs::read_to_string(folder.path().join(file)).unwrap()).unwrap().files[0]
+            .digest
+            .clone()
+    };
     assert_eq!(texels("ltc.exr.certificate.json"), texels("again.exr.certificate.json"));
+}
+
+#[test]
+fn code_looks_up_both_parameters_of_an_axis_that_stands_for_two() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(folder.path(), &["-q", "table", "ltc-amplitude", "--size", "4", "-o", "ltc_2.exr", "--shader", "glsl"]);
+    let code = std::fs::read_to_string(folder.path().join("ltc_2.lookup.glsl")).unwrap();
+    for wanted in [
+        "ltc_2_values ltc_2_lookup(highp sampler2D table, float roughness, float NoV)",
+        "ltc_2_clipped_values ltc_2_clipped_lookup(highp sampler2D table, float cos_centre, float sin2_radius)",
+        "values.clipped = texel.w",
+    ] {
+        assert!(code.contains(wanted), "{wanted} in {code}");
+    }
 }
 
 /// A rectangle that faces the origin.
@@ -204,7 +228,8 @@ fn threejs_lights_a_metal_with_kilns_table_as_ggx_does_and_better_than_with_its_
             })
         })
         .collect();
-    let mut files = HashMap::from([("scenes.json".to_owned(), serde_json::Value::from(scenes).to_string().into_bytes())]);
+    let mut files =
+        HashMap::from([("scenes.json".to_owned(), serde_json::Value::from(scenes).to_string().into_bytes())]);
     for file in ["ltc_1.raw", "ltc_2.raw"] {
         files.insert(file.to_owned(), std::fs::read(folder.path().join(file)).unwrap());
     }

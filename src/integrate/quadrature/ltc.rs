@@ -38,14 +38,14 @@ impl Reflection {
         Self { mu, sine, alpha, l_o: (alpha * sine).hypot(mu), smith, scale: 1.0 / albedo }
     }
 
-    /// f cosθ_i/E, in 1/sr: 0 below the horizon.
+    /// f cosθ_i/E of a direction and of the half-vector's x, in 1/sr: 0 below the horizon.
     #[inline]
-    pub(super) fn density(&self, w: DVec3) -> f64 {
+    fn density(&self, w: DVec3, h_x: f64) -> f64 {
         if w.z <= 0.0 {
             return 0.0;
         }
-        let Self { mu, sine, alpha, l_o, .. } = *self;
-        let (h, a2) = (DVec3::new(w.x + sine, w.y, w.z + mu), alpha * alpha);
+        let Self { mu, alpha, l_o, .. } = *self;
+        let (h, a2) = (DVec3::new(h_x, w.y, w.z + mu), alpha * alpha);
         let flat = h.x * h.x + h.y * h.y;
         let d = a2 * (flat + h.z * h.z).powi(2) / (flat + a2 * h.z * h.z).powi(2);
         let l_i = (a2 * (w.x * w.x + w.y * w.y) + w.z * w.z).sqrt();
@@ -119,26 +119,34 @@ impl<'a> Panels<'a> {
             // From both ends to the middle.
             let half = 0.5 * (b - a);
             for (end, length) in [(a, half), (b, -half)] {
+                // Angles are counted from the mirror direction, where what is small would otherwise be a difference of what is not.
+                let from_peak = end - self.features[0][0];
                 for (x, w) in self.rules.at_scale(self.distance(end) / half).iter() {
-                    self.meridian(end + x * length, w * half, &mut visit);
+                    self.meridian(from_peak + x * length, w * half, &mut visit);
                 }
             }
         }
     }
 
     #[inline]
-    fn meridian(&self, tau: f64, weight: f64, visit: &mut impl FnMut(f64, DVec3, f64)) {
+    fn meridian(&self, from_peak: f64, weight: f64, visit: &mut impl FnMut(f64, DVec3, f64)) {
         let Reflection { mu, sine, alpha, .. } = *self.reflection;
-        let (sin, cos) = tau.sin_cos();
+        let (sin_half, cos_half) = (0.5 * from_peak).sin_cos();
+        let (sin_d, cos_d) = (2.0 * sin_half * cos_half, (cos_half - sin_half) * (cos_half + sin_half));
+        let (sin, cos) = (mu * sin_d - sine * cos_d, mu * cos_d + sine * sin_d);
+        // sinτ + sinθ_o and cosτ + cosθ_o.
+        let (h_x, h_z) = (2.0 * sin_half * (sine * sin_half + mu * cos_half), cos + mu);
         let mut along = |rule: f64, length: f64, from_equator: bool| {
             for (x, w) in self.rules.at_scale(rule / length).iter() {
                 let (s, c) = (x * length).sin_cos();
                 let (sin_beta, cos_beta) = if from_equator { (s, c) } else { (c, s) };
                 let direction = DVec3::new(cos_beta * sin, sin_beta, cos_beta * cos);
-                visit(2.0 * weight * w * length * cos_beta, direction, self.reflection.density(direction));
+                let less = sin_beta * sin_beta / (1.0 + cos_beta); // 1 − cosβ
+                let density = self.reflection.density(direction, h_x - less * sin);
+                visit(2.0 * weight * w * length * cos_beta, direction, density);
             }
         };
-        let ([n_x, n_z], (h_x, h_z)) = (self.ltc.in_plane(sin, cos), (sin + sine, cos + mu));
+        let [n_x, n_z] = self.ltc.in_plane(sin, cos);
         let ridge = (n_x.hypot(n_z) / self.ltc.y).min(h_x.hypot(alpha * h_z)).atan();
         let end = if cos > 0.0 && self.at_the_end { (self.below / cos).min(1.0).asin() } else { FRAC_PI_2 };
         if end < FRAC_PI_2 {
@@ -165,12 +173,8 @@ pub(super) struct Misfit {
 
 /// The square distance of two lobes, and how it changes with the transformed cosine.
 pub(super) fn misfit(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) -> Misfit {
-    let mut sum = Misfit {
-        square: 0.0,
-        whole: 0.0,
-        gradient: [0.0; VARIATIONS],
-        curvature: [[0.0; VARIATIONS]; VARIATIONS],
-    };
+    let mut sum =
+        Misfit { square: 0.0, whole: 0.0, gradient: [0.0; VARIATIONS], curvature: [[0.0; VARIATIONS]; VARIATIONS] };
     Panels::new(reflection, ltc, rules).each(|weight, w, f| {
         let (g, slopes) = ltc.derivatives(w);
         let off = g - f;
@@ -230,7 +234,8 @@ mod tests {
                     // The rule's promise; the reflection alone is not made for where α⁶ is below it: there D² is small, not D.
                     let tolerance = 100.0 * LADDER[3].promise();
                     assert!((g - 1.0).abs() < tolerance, "{place}: {g}");
-                    let tail = if Panels::new(&reflection, &ltc, &LADDER[3].rules).at_the_end { 0.0 } else { alpha * alpha };
+                    let tail =
+                        if Panels::new(&reflection, &ltc, &LADDER[3].rules).at_the_end { 0.0 } else { alpha * alpha };
                     assert!((f - 1.0).abs() < tolerance + tail + albedo.error / albedo.value, "{place}: {f}");
                 }
             }
@@ -240,12 +245,14 @@ mod tests {
     #[test]
     fn the_gradient_is_what_the_square_changes_by() {
         const H: f64 = 1e-4;
-        let reflection = Reflection::new(0.4, 0.3, Smith::Correlated, ggx_albedo(0.4, 0.3, Smith::Correlated, 1e-12).value);
+        let reflection =
+            Reflection::new(0.4, 0.3, Smith::Correlated, ggx_albedo(0.4, 0.3, Smith::Correlated, 1e-12).value);
         let ltc = Ltc { x: [1.5, 1.9], y: 4.0, z: [-0.3, 1.5] };
         let rules = &LADDER[5].rules;
         let found = misfit(&reflection, &ltc, rules);
         for k in 0..VARIATIONS {
-            let at = |h: f64| misfit(&reflection, &ltc.varied(std::array::from_fn(|i| if i == k { h } else { 0.0 })), rules);
+            let at =
+                |h: f64| misfit(&reflection, &ltc.varied(std::array::from_fn(|i| if i == k { h } else { 0.0 })), rules);
             let (up, down) = (at(H), at(-H));
             let difference = (up.square - down.square) / (4.0 * H);
             // The third derivative times H²/6, and rounding over H.
