@@ -66,7 +66,7 @@ const ROUNDING: f64 = 1e-13;
 /// How well the fit is known where the random witness begins.
 const START: f64 = 1e-6;
 /// The standard error of a step at which the random witness stops, if it is not told a number of points.
-const ENOUGH: f64 = 3e-4;
+const ENOUGH: f64 = 1e-3;
 /// Points from which the random witness learns how far a gradient leads.
 const CURVATURE_SAMPLES: u64 = 4096;
 

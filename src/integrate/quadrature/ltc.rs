@@ -196,16 +196,20 @@ pub(super) fn misfit(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) ->
     sum
 }
 
-/// ½ ∫ |g − f| dω, and ∫ |g − f|³ dω over ∫ f³ dω, to the power ⅓: by a rule that their kinks make no more than good.
-pub(super) fn absolute(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) -> (f64, f64) {
-    let (mut first, mut third, mut whole) = (0.0, 0.0, 0.0);
+/// ∫ |g − f|ⁿ dω over ∫ fⁿ dω for n of 1, 2 and 3: the odd ones by a rule that their kinks make no more than good.
+pub(super) fn distances(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) -> [f64; 3] {
+    let (mut sums, mut whole) = ([0.0; 3], [0.0; 3]);
     Panels::new(reflection, ltc, rules).each(|weight, w, f| {
         let off = (ltc.density(w) - f).abs();
-        first += weight * off;
-        third += weight * off.powi(3);
-        whole += weight * f.powi(3);
+        let (mut of_difference, mut of_whole) = (weight, weight);
+        for n in 0..3 {
+            of_difference *= off;
+            of_whole *= f;
+            sums[n] += of_difference;
+            whole[n] += of_whole;
+        }
     });
-    (0.5 * first, (third / whole).cbrt())
+    std::array::from_fn(|n| sums[n] / whole[n])
 }
 
 #[cfg(test)]

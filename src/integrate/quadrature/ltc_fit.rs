@@ -15,7 +15,7 @@
 //! n_x = (along the plane)/2α,   n_y = y/(2α μ),   n_z = ((1 + μ⁴)/2μ) z − sinθ ((1 + μ²)/2) x.
 //! ```
 
-use super::ltc::{Misfit, Reflection, absolute, misfit};
+use super::ltc::{Misfit, Reflection, distances, misfit};
 use super::{LADDER, ggx_albedo};
 use crate::math::quadrature::GradedRules;
 use crate::model::ggx::Smith;
@@ -54,10 +54,9 @@ const ARRIVED: f64 = 1e-10;
 pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
     let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
     let is_round = mu == 1.0;
-    let near = search(&reflection, narrow_limit(mu, alpha), &LADDER[0].rules, NEAR, is_round);
-    let mut coarser = search(&reflection, near, &LADDER[1].rules, ARRIVED, is_round);
+    let mut coarser = search(&reflection, narrow_limit(mu, alpha), &LADDER[0].rules, NEAR, is_round);
     let mut best: Option<(f64, LtcFit)> = None;
-    for rung in &LADDER[2..] {
+    for rung in &LADDER[1..] {
         let ltc = search(&reflection, coarser, &rung.rules, ARRIVED, is_round);
         let fit = LtcFit { ltc, coarser };
         let change = fit.change();
@@ -82,10 +81,8 @@ pub fn ltc_fit_quickly(mu: f64, alpha: f64, smith: Smith) -> Ltc {
 /// How far `ltc` is from GGX of width `alpha` seen at cosine `mu`; good to about 1e-3 of itself.
 pub fn ltc_distance(mu: f64, alpha: f64, smith: Smith, ltc: &Ltc) -> LtcDistance {
     let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
-    let rules = &LADDER[1].rules;
-    let (total_variation, cube) = absolute(&reflection, ltc, rules);
-    let Misfit { square, whole, .. } = misfit(&reflection, ltc, rules);
-    LtcDistance { total_variation, square: (square / whole).sqrt(), cube }
+    let [first, second, third] = distances(&reflection, ltc, &LADDER[1].rules);
+    LtcDistance { total_variation: 0.5 * first, square: second.sqrt(), cube: third.cbrt() }
 }
 
 impl LtcFit {
