@@ -231,6 +231,12 @@ fn report(console: &Console, certificate: &Certificate, recipe: &TableRecipe, pa
         .map(|c| format!("{} ±{:.0e} ({}, {})", c.quantity, c.max_error, c.integrator, c.error_kind.name()))
         .collect();
     console.note(&format!("{}: {}; {} checks passed", path.display(), errors.join(", "), certificate.checks.len()));
+    for found in &certificate.approximation {
+        console.note(&format!(
+            "{}: of the light, at most {:.3} goes elsewhere than it should (at {}), {:.3} on the mean: what the model leaves",
+            found.channels, found.max_total_variation, found.worst_at, found.mean_total_variation
+        ));
+    }
     for fit in &certificate.fit {
         let ([before, after], channel) = ([&fit.exact, &fit.fitted].map(|e| [e.rms, e.max]), &fit.exact.channel);
         let [rms, max] = [0, 1].map(|i| format!("{:.1e} instead of {:.1e}", after[i], before[i]));

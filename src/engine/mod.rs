@@ -133,6 +133,8 @@ const LTC_MATRIX: EngineTable = EngineTable {
     name: "ltc-matrix",
     channels: &["ltc.m00", "ltc.m20", "ltc.m02", "ltc.m22"],
     axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+    // A fiftieth of a half's ulp below 1; more is computed where rounding asks for it.
+    tolerance: Some(1e-5),
     ..PLAIN
 };
 

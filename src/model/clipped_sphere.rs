@@ -35,7 +35,7 @@ pub fn clipped_sphere(cos_centre: f64, sin2_radius: f64) -> f64 {
 
 /// What rounding makes of [`clipped_sphere`]: terms of the order of sinσ, divided by π sin²σ.
 pub fn clipped_sphere_rounding(sin2_radius: f64) -> f64 {
-    4.0 * f64::EPSILON / sin2_radius.max(f64::EPSILON).sqrt()
+    if sin2_radius == 0.0 { 0.0 } else { 4.0 * f64::EPSILON / sin2_radius.sqrt() }
 }
 
 #[cfg(test)]

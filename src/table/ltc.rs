@@ -79,7 +79,8 @@ fn entries(at: (f64, f64), smith: Smith, tolerance: f64, of: impl Fn(&Ltc) -> [f
     let error = |fit: &quadrature::LtcFit| {
         let (finer, coarser) = (of(&fit.ltc), of(&fit.coarser));
         let apart = finer.iter().zip(coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        SAFETY * apart + ROUNDING * finer.iter().fold(1.0, |most: f64, entry| most.max(entry.abs()))
+        let largest = finer.iter().fold(1.0, |most: f64, entry| most.max(entry.abs()));
+        SAFETY * (apart + fit.promise * largest) + ROUNDING * largest
     };
     let fit = quadrature::ltc_fit(at.0, at.1, smith, |fit| error(fit) <= tolerance);
     of(&fit.ltc).map(|value| Estimate::bound(value, error(&fit))).into()

@@ -52,13 +52,16 @@ fn distances(mu: f64, alpha: f64, ltc: &Ltc) -> [f64; 3] {
     let (lobe, wo) = (Ggx::isotropic(alpha, Smith::Correlated), direction_with_cosine(mu));
     let (mut sums, mut whole) = ([0.0; 3], [0.0; 3]);
     for i in 0..POINTS * POINTS {
-        let u = [i % POINTS, i / POINTS].map(|k| (k as f64 + 0.5) / POINTS as f64);
-        for w in [lobe.sample(wo, u).map(|s| s.wi), Some(ltc.sample(u))].into_iter().flatten() {
+        let [phi, t] = [i % POINTS, i / POINTS].map(|k| (k as f64 + 0.5) / POINTS as f64);
+        // Crowded towards the rims of both squares, where the tails are.
+        let stretch = 2.0 * t;
+        let drawn = [lobe.sample(wo, [phi, t * t]).map(|s| s.wi), Some(ltc.sample([phi, 1.0 - t * t]))];
+        for w in drawn.into_iter().flatten() {
             let (f, pdf) = if w.z > 0.0 { (lobe.f(wo, w) * w.z / albedo, lobe.pdf(wo, w)) } else { (0.0, 0.0) };
             let g = ltc.density(w);
             for (power, (sum, whole)) in sums.iter_mut().zip(&mut whole).enumerate() {
-                *sum += (g - f).abs().powi(power as i32 + 1) / (g + pdf);
-                *whole += f.powi(power as i32 + 1) / (g + pdf);
+                *sum += stretch * (g - f).abs().powi(power as i32 + 1) / (g + pdf);
+                *whole += stretch * f.powi(power as i32 + 1) / (g + pdf);
             }
         }
     }

@@ -12,8 +12,8 @@
 //! The last are left alone where a lobe is so narrow that nothing is left of it there. Derived here; checked against the closed form of
 //! the albedo and against Monte Carlo.
 
+use super::Rung;
 use crate::math::frame::{elevation, sine_of_cosine};
-use crate::math::quadrature::GradedRules;
 use crate::model::ggx::Smith;
 use crate::model::ltc::{Ltc, VARIATIONS};
 use glam::DVec3;
@@ -57,7 +57,7 @@ impl Reflection {
 struct Panels<'a> {
     reflection: &'a Reflection,
     ltc: &'a Ltc,
-    rules: &'a GradedRules,
+    rung: &'a Rung,
     /// Where singularities are, in τ, and how far from the real axis.
     features: [[f64; 2]; 6],
     /// The distance of G2's singularities below the horizon, in sines.
@@ -74,7 +74,7 @@ const SLIVER: f64 = 1e-13;
 const TAIL: f64 = 0.01;
 
 impl<'a> Panels<'a> {
-    fn new(reflection: &'a Reflection, ltc: &'a Ltc, rules: &'a GradedRules) -> Self {
+    fn new(reflection: &'a Reflection, ltc: &'a Ltc, rung: &'a Rung) -> Self {
         let Reflection { mu, sine, alpha, smith, .. } = *reflection;
         let peak = -sine.atan2(mu);
         let width = alpha.atanh().min(PI); // no pole is left at α = 1
@@ -88,8 +88,8 @@ impl<'a> Panels<'a> {
             [-FRAC_PI_2, below],
             [FRAC_PI_2, below],
         ];
-        let at_the_end = alpha.powi(6) > TAIL * (-rules.digits()).exp();
-        Self { reflection, ltc, rules, features, below: below.min(FRAC_PI_2).sin(), at_the_end }
+        let at_the_end = alpha.powi(6) > TAIL * rung.promise();
+        Self { reflection, ltc, rung, features, below: below.min(FRAC_PI_2).sin(), at_the_end }
     }
 
     /// Where panels end, ascending: both horizons, and both ridges where they can be told apart.
@@ -121,7 +121,7 @@ impl<'a> Panels<'a> {
             for (end, length) in [(a, half), (b, -half)] {
                 // Angles are counted from the mirror direction, where what is small would otherwise be a difference of what is not.
                 let from_peak = end - self.features[0][0];
-                for (x, w) in self.rules.at_scale(self.distance(end) / half).iter() {
+                for (x, w) in self.rung.rules.at_scale(self.distance(end) / half).iter() {
                     self.meridian(from_peak + x * length, w * half, &mut visit);
                 }
             }
@@ -136,24 +136,22 @@ impl<'a> Panels<'a> {
         let (sin, cos) = (mu * sin_d - sine * cos_d, mu * cos_d + sine * sin_d);
         // sinτ + sinθ_o and cosτ + cosθ_o.
         let (h_x, h_z) = (2.0 * sin_half * (sine * sin_half + mu * cos_half), cos + mu);
-        let mut along = |rule: f64, length: f64, from_equator: bool| {
-            for (x, w) in self.rules.at_scale(rule / length).iter() {
-                let (s, c) = (x * length).sin_cos();
-                let (sin_beta, cos_beta) = if from_equator { (s, c) } else { (c, s) };
-                let direction = DVec3::new(cos_beta * sin, sin_beta, cos_beta * cos);
-                let less = sin_beta * sin_beta / (1.0 + cos_beta); // 1 − cosβ
-                let density = self.reflection.density(direction, h_x - less * sin);
-                visit(2.0 * weight * w * length * cos_beta, direction, density);
-            }
+        let mut visit = |weight: f64, sin_beta: f64, cos_beta: f64| {
+            let direction = DVec3::new(cos_beta * sin, sin_beta, cos_beta * cos);
+            let less = sin_beta * sin_beta / (1.0 + cos_beta); // 1 − cosβ
+            visit(2.0 * weight * cos_beta, direction, self.reflection.density(direction, h_x - less * sin));
         };
+        let other = |s: f64| ((1.0 - s) * (1.0 + s)).sqrt();
         let [n_x, n_z] = self.ltc.in_plane(sin, cos);
         let ridge = (n_x.hypot(n_z) / self.ltc.y).min(h_x.hypot(alpha * h_z)).atan();
         let end = if cos > 0.0 && self.at_the_end { (self.below / cos).min(1.0).asin() } else { FRAC_PI_2 };
         if end < FRAC_PI_2 {
-            along(ridge, FRAC_PI_4, true);
-            along(end, FRAC_PI_4, false);
+            let weight = weight * FRAC_PI_4;
+            self.rung.eighth.at_scale(ridge / FRAC_PI_4).iter().for_each(|(s, w)| visit(weight * w, s, other(s)));
+            self.rung.eighth.at_scale(end / FRAC_PI_4).iter().for_each(|(s, w)| visit(weight * w, other(s), s));
         } else {
-            along(ridge, FRAC_PI_2, true);
+            let weight = weight * FRAC_PI_2;
+            self.rung.quarter.at_scale(ridge / FRAC_PI_2).iter().for_each(|(s, w)| visit(weight * w, s, other(s)));
         }
     }
 }
@@ -172,10 +170,10 @@ pub(super) struct Misfit {
 }
 
 /// The square distance of two lobes, and how it changes with the transformed cosine.
-pub(super) fn misfit(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) -> Misfit {
+pub(super) fn misfit(reflection: &Reflection, ltc: &Ltc, rung: &Rung) -> Misfit {
     let mut sum =
         Misfit { square: 0.0, whole: 0.0, gradient: [0.0; VARIATIONS], curvature: [[0.0; VARIATIONS]; VARIATIONS] };
-    Panels::new(reflection, ltc, rules).each(|weight, w, f| {
+    Panels::new(reflection, ltc, rung).each(|weight, w, f| {
         let (g, slopes) = ltc.derivatives(w);
         let off = g - f;
         sum.square += weight * off * off;
@@ -197,9 +195,9 @@ pub(super) fn misfit(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) ->
 }
 
 /// ∫ |g − f|ⁿ dω over ∫ fⁿ dω for n of 1, 2 and 3: the odd ones by a rule that their kinks make no more than good.
-pub(super) fn distances(reflection: &Reflection, ltc: &Ltc, rules: &GradedRules) -> [f64; 3] {
+pub(super) fn distances(reflection: &Reflection, ltc: &Ltc, rung: &Rung) -> [f64; 3] {
     let (mut sums, mut whole) = ([0.0; 3], [0.0; 3]);
-    Panels::new(reflection, ltc, rules).each(|weight, w, f| {
+    Panels::new(reflection, ltc, rung).each(|weight, w, f| {
         let off = (ltc.density(w) - f).abs();
         let (mut of_difference, mut of_whole) = (weight, weight);
         for n in 0..3 {
@@ -230,7 +228,7 @@ mod tests {
                 let reflection = Reflection::new(mu, alpha, smith, albedo.value);
                 for ltc in ltcs {
                     let (mut f, mut g) = (0.0, 0.0);
-                    Panels::new(&reflection, &ltc, &LADDER[3].rules).each(|weight, w, density| {
+                    Panels::new(&reflection, &ltc, &LADDER[3]).each(|weight, w, density| {
                         f += weight * density;
                         g += weight * ltc.density(w);
                     });
@@ -238,8 +236,7 @@ mod tests {
                     // The rule's promise; the reflection alone is not made for where α⁶ is below it: there D² is small, not D.
                     let tolerance = 100.0 * LADDER[3].promise();
                     assert!((g - 1.0).abs() < tolerance, "{place}: {g}");
-                    let tail =
-                        if Panels::new(&reflection, &ltc, &LADDER[3].rules).at_the_end { 0.0 } else { alpha * alpha };
+                    let tail = if Panels::new(&reflection, &ltc, &LADDER[3]).at_the_end { 0.0 } else { alpha * alpha };
                     assert!((f - 1.0).abs() < tolerance + tail + albedo.error / albedo.value, "{place}: {f}");
                 }
             }
@@ -252,11 +249,11 @@ mod tests {
         let reflection =
             Reflection::new(0.4, 0.3, Smith::Correlated, ggx_albedo(0.4, 0.3, Smith::Correlated, 1e-12).value);
         let ltc = Ltc { x: [1.5, 1.9], y: 4.0, z: [-0.3, 1.5] };
-        let rules = &LADDER[5].rules;
-        let found = misfit(&reflection, &ltc, rules);
+        let rung = &LADDER[5];
+        let found = misfit(&reflection, &ltc, rung);
         for k in 0..VARIATIONS {
             let at =
-                |h: f64| misfit(&reflection, &ltc.varied(std::array::from_fn(|i| if i == k { h } else { 0.0 })), rules);
+                |h: f64| misfit(&reflection, &ltc.varied(std::array::from_fn(|i| if i == k { h } else { 0.0 })), rung);
             let (up, down) = (at(H), at(-H));
             let difference = (up.square - down.square) / (4.0 * H);
             // The third derivative times H²/6, and rounding over H.

@@ -16,8 +16,7 @@
 //! ```
 
 use super::ltc::{Misfit, Reflection, distances, misfit};
-use super::{LADDER, ggx_albedo};
-use crate::math::quadrature::GradedRules;
+use super::{LADDER, Rung, ggx_albedo};
 use crate::model::ggx::Smith;
 use crate::model::ltc::{Ltc, VARIATIONS};
 
@@ -28,6 +27,8 @@ pub struct LtcFit {
     pub ltc: Ltc,
     /// The same by the next coarser rule: how far it is from the finer one is how far that may be from the truth.
     pub coarser: Ltc,
+    /// What the finer rule is made for, in parts of an entry: two rules may agree better by chance.
+    pub promise: f64,
 }
 
 /// How far a fitted lobe is from the one that it stands for, both taken to integrate to 1.
@@ -54,34 +55,34 @@ const ARRIVED: f64 = 1e-10;
 pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
     let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
     let is_round = mu == 1.0;
-    let mut coarser = search(&reflection, narrow_limit(mu, alpha), &LADDER[0].rules, NEAR, is_round);
+    let mut coarser = search(&reflection, narrow_limit(mu, alpha), &LADDER[0], NEAR, is_round);
     let mut best: Option<(f64, LtcFit)> = None;
     for rung in &LADDER[1..] {
-        let ltc = search(&reflection, coarser, &rung.rules, ARRIVED, is_round);
-        let fit = LtcFit { ltc, coarser };
-        let change = fit.change();
+        let ltc = search(&reflection, coarser, rung, ARRIVED, is_round);
+        let fit = LtcFit { ltc, coarser, promise: rung.promise() };
+        if is_good(&fit) {
+            return fit;
+        }
+        let change = fit.change() + fit.promise;
         // Past the point where rounding rules, a finer rung may look worse: keep the better of the two.
         if best.as_ref().is_none_or(|(least, _)| change < *least) {
             best = Some((change, fit));
         }
-        if is_good(&fit) {
-            break;
-        }
         coarser = ltc;
     }
-    best.map_or(LtcFit { ltc: coarser, coarser }, |(_, fit)| fit)
+    best.map_or(LtcFit { ltc: coarser, coarser, promise: f64::INFINITY }, |(_, fit)| fit)
 }
 
 /// A quick fit, good to a few digits: the least that the ladder gives.
 pub fn ltc_fit_quickly(mu: f64, alpha: f64, smith: Smith) -> Ltc {
     let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
-    search(&reflection, narrow_limit(mu, alpha), &LADDER[0].rules, NEAR, mu == 1.0)
+    search(&reflection, narrow_limit(mu, alpha), &LADDER[0], NEAR, mu == 1.0)
 }
 
 /// How far `ltc` is from GGX of width `alpha` seen at cosine `mu`; good to about 1e-3 of itself.
 pub fn ltc_distance(mu: f64, alpha: f64, smith: Smith, ltc: &Ltc) -> LtcDistance {
     let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
-    let [first, second, third] = distances(&reflection, ltc, &LADDER[1].rules);
+    let [first, second, third] = distances(&reflection, ltc, &LADDER[1]);
     LtcDistance { total_variation: 0.5 * first, square: second.sqrt(), cube: third.cbrt() }
 }
 
@@ -108,10 +109,10 @@ const MOST_STEPS: usize = 160;
 /// A step that is longer than this is damped: stretches and shears by as much change the lobe altogether.
 const LONGEST: f64 = 0.7;
 
-/// Steps from `start` to the best lobe by these rules, until one is shorter than `arrived`.
-fn search(reflection: &Reflection, start: Ltc, rules: &GradedRules, arrived: f64, is_round: bool) -> Ltc {
+/// Steps from `start` to the best lobe by the rules of that rung, until one is shorter than `arrived`.
+fn search(reflection: &Reflection, start: Ltc, rung: &Rung, arrived: f64, is_round: bool) -> Ltc {
     let at = |ltc: &Ltc| {
-        let found = misfit(reflection, ltc, rules);
+        let found = misfit(reflection, ltc, rung);
         if is_round { rounded(found) } else { found }
     };
     let (mut ltc, mut here) = (start, at(&start));
@@ -222,11 +223,12 @@ mod tests {
 
     #[test]
     fn two_rules_tell_how_far_the_finer_one_is_from_the_finest() {
+        let said = |fit: &LtcFit| 2.0 * (fit.change() + fit.promise) + 1e-13;
         for (mu, alpha) in places() {
             let finest = ltc_fit(mu, alpha, Smith::Correlated, |fit| fit.change() < 1e-12);
             for tolerance in [1e-3, 1e-6, 1e-8] {
-                let fit = ltc_fit(mu, alpha, Smith::Correlated, |fit| 2.0 * fit.change() <= tolerance);
-                let (off, said) = (apart(&fit.ltc, &finest.ltc), 2.0 * fit.change() + 1e-13);
+                let fit = ltc_fit(mu, alpha, Smith::Correlated, |fit| said(fit) <= tolerance);
+                let (off, said) = (apart(&fit.ltc, &finest.ltc), said(&fit));
                 assert!(
                     off <= said && said <= tolerance,
                     "mu {mu} alpha {alpha} {tolerance:e}: off by {off:e}, said {said:e}"
@@ -242,10 +244,10 @@ mod tests {
         for (mu, alpha) in places() {
             let reflection =
                 Reflection::new(mu, alpha, Smith::Correlated, ggx_albedo(mu, alpha, Smith::Correlated, ALBEDO).value);
-            let best = search(&reflection, narrow_limit(mu, alpha), &LADDER[2].rules, ARRIVED, mu == 1.0);
+            let best = search(&reflection, narrow_limit(mu, alpha), &LADDER[2], ARRIVED, mu == 1.0);
             for step in [[0.3, 0.0, 0.0, 0.0], [-0.3, 0.3, 0.0, 0.0], [0.0, -0.3, 0.3, 0.0], [0.0, 0.0, -0.3, 0.2]] {
                 let step = if mu == 1.0 { [step[0], step[0], 0.0, 0.0] } else { step };
-                let again = search(&reflection, best.varied(step), &LADDER[2].rules, ARRIVED, mu == 1.0);
+                let again = search(&reflection, best.varied(step), &LADDER[2], ARRIVED, mu == 1.0);
                 let off = apart(&again, &best);
                 // Each search ends within a step of 1e-8 of the place, whatever rounding leaves of the last ones.
                 assert!(off < 1e-7, "mu {mu} alpha {alpha} from {step:?}: {off:e}");

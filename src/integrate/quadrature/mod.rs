@@ -20,7 +20,7 @@ pub use ltc_fit::{LtcDistance, LtcFit, ltc_distance, ltc_fit, ltc_fit_quickly};
 
 use super::Estimate;
 use crate::math::quadrature::GradedRules;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::sync::LazyLock;
 
 /// A rule of the ladder: the accuracy e^(−digits) at which an integral is computed.
@@ -33,6 +33,10 @@ struct Rung {
     circle: GradedRules,
     /// [`Rung::doubled`] in y = sin²(πx/2).
     doubled_circle: GradedRules,
+    /// [`Rung::rules`] in sin(πx/2): over a quarter of a circle, graded to where the sine is 0.
+    quarter: GradedRules,
+    /// The same over an eighth, in sin(πx/4).
+    eighth: GradedRules,
 }
 
 /// The scale of [`Rung::circle`] for a pole at y = −1/`ratio`: τ = tan(ψ/4) keeps it on the imaginary axis, at
@@ -84,6 +88,8 @@ impl Rung {
             doubled: GradedRules::new(2.0 * digits),
             circle: GradedRules::mapped(digits, quarter_tangent),
             doubled_circle: GradedRules::mapped(2.0 * digits, |x| ((FRAC_PI_2 * x).sin().powi(2), 1.0)),
+            quarter: GradedRules::mapped(digits, |x| ((FRAC_PI_2 * x).sin(), 1.0)),
+            eighth: GradedRules::mapped(digits, |x| ((FRAC_PI_4 * x).sin(), 1.0)),
         }
     }
 
