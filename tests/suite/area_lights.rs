@@ -80,14 +80,11 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
             let fit = ltc_fit_quickly(mu, alpha, Smith::Correlated);
             let (own, published) =
                 (distances(mu, alpha, &fit), distances(mu, alpha, &from_columns(&matrices[at..at + 4])));
-            for k in 0..3 {
+            for (k, (&a, &b)) in own.iter().zip(&published).enumerate() {
                 // Where both are the best there is, at normal incidence, six digits of theirs and the points tell them apart.
-                assert!(
-                    own[k] <= 1.005 * published[k] + 1e-5,
-                    "mu {mu} roughness {roughness}: {own:?}, published {published:?}"
-                );
-                ours[k] += own[k];
-                theirs[k] += published[k];
+                assert!(a <= 1.005 * b + 1e-5, "mu {mu} roughness {roughness}: {own:?}, published {published:?}");
+                ours[k] += a;
+                theirs[k] += b;
             }
             n += 1.0;
             // The certificate's figures are these, but for what so few points make of kinks.
@@ -101,9 +98,7 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
         }
     }
     println!("mean distances: {:?}, published {:?}", ours.map(|s| s / n), theirs.map(|s| s / n));
-    for k in 0..3 {
-        assert!(ours[k] < 0.8 * theirs[k], "on the whole {ours:?}, published {theirs:?}");
-    }
+    assert!(ours.iter().zip(&theirs).all(|(a, b)| *a < 0.8 * b), "on the whole {ours:?}, published {theirs:?}");
 }
 
 #[test]

@@ -181,8 +181,8 @@ pub(super) fn misfit(reflection: &Reflection, ltc: &Ltc, rung: &Rung) -> Misfit 
         for i in 0..VARIATIONS {
             let slope = weight * slopes[i];
             sum.gradient[i] += off * slope;
-            for j in 0..=i {
-                sum.curvature[i][j] += slope * slopes[j];
+            for (curvature, other) in sum.curvature[i].iter_mut().zip(slopes).take(i + 1) {
+                *curvature += slope * other;
             }
         }
     });
