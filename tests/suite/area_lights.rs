@@ -97,7 +97,7 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
             }
         }
     }
-    println!("mean distances: {:?}, published {:?}", ours.map(|s| s / n), theirs.map(|s| s / n));
+    eprintln!("mean distances: {:?}, published {:?}", ours.map(|s| s / n), theirs.map(|s| s / n));
     assert!(ours.iter().zip(&theirs).all(|(a, b)| *a < 0.8 * b), "on the whole {ours:?}, published {theirs:?}");
 }
 
@@ -238,11 +238,11 @@ fn threejs_lights_a_metal_with_kilns_table_as_ggx_does_and_better_than_with_its_
         let truth = light.reflected(*mu, *roughness);
         let (a, b) = (f64::from(own[i]), f64::from(theirs[i]));
         let text = format!("mu {mu} roughness {roughness} light {}: {a}, with its own {b}, GGX {truth}", light.centre);
-        println!("{text}");
+        eprintln!("{text}");
         assert!(a > 0.0 && b > 0.0, "{text}");
         off_own += (a - truth).abs();
         off_theirs += (b - truth).abs();
     }
-    println!("off by {off_own} altogether, with its own table by {off_theirs}");
+    eprintln!("off by {off_own} altogether, with its own table by {off_theirs}");
     assert!(off_own < off_theirs, "{off_own} {off_theirs}");
 }
