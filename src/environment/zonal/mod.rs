@@ -251,10 +251,12 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
     let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
     let mut aims =
         vec![sun, -sun, DVec3::Y, DVec3::NEG_Y, DVec3::ONE.normalize(), DVec3::new(1.0, 0.0, 1.0).normalize()];
-    for away in [side, up, -side, -up] {
-        aims.extend(BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4))));
-        aims.extend(ACROSS.map(|angle| towards(away, 0.5 * PI - angle)));
-    }
+    aims.extend(
+        [side, -up]
+            .into_iter()
+            .flat_map(|away| BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4)))),
+    );
+    aims.extend([up, -side].into_iter().flat_map(|away| ACROSS.map(|angle| towards(away, 0.5 * PI - angle))));
     let mut darkest: Vec<(f32, usize)> =
         cube.texels.iter().enumerate().map(|(i, t)| (t[0].min(t[1]).min(t[2]), i)).collect();
     let n = DARKEST.min(darkest.len());
