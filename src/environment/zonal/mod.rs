@@ -92,6 +92,8 @@ pub struct Function<'a> {
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
     pub truncation: f64,
+    /// What truncation and interpolation change at most towards a lone sun, in parts of the value.
+    pub at_a_sun: f64,
 }
 
 impl<'a> Zonal<'a> {
@@ -126,20 +128,19 @@ impl<'a> Zonal<'a> {
     pub fn function(&'a self, kernel: &Kernel) -> Function<'a> {
         let of = |part: &'a Part| part.plans.iter().find(|plan| plan.kernel == *kernel).map(|plan| (part, plan));
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
-            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0 };
+            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0, at_a_sun: 0.0 };
         };
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
+        let grid = plan.grid(truncation);
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let rings = match &*last {
             Some((of, rings)) if of == kernel => rings.clone(),
-            _ => {
-                let grid = plan.grid(truncation);
-                Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions))
-            }
+            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions)),
         };
         *last = Some((*kernel, rings.clone()));
         drop(last);
-        Function { zonal: self, kernel: *kernel, rings: Some((part, plan, rings)), degree: plan.degree(), truncation }
+        let (rings, at_a_sun) = (Some((part, plan, rings)), plan.at_a_sun(grid));
+        Function { zonal: self, kernel: *kernel, rings, degree: plan.degree(), truncation, at_a_sun }
     }
 }
 
