@@ -111,8 +111,7 @@ pub const DARK_FLOOR: f64 = 1e-3;
 const AREA_AVERAGE_BOUND: f64 = 1e-7;
 const QUADRATURE_BOUND: f64 = 1e-6;
 
-/// The largest error of a zonal level is never said to be below this, however little was seen: what the grid of its rings is made to
-/// leave at a sun.
+/// The largest error of a zonal level is never said to be below this, nor below what is left at a lone sun, however little was seen.
 const ZONAL_FLOOR: f64 = 1e-5;
 
 /// Texels along an edge of the cube in which the darkest directions of a map that is no cube are looked for.
@@ -478,7 +477,7 @@ impl<'a> Filter<'a> {
                 }
                 // A small cube of the same function tells where it is darkest.
                 let (rms, largest) = function.measure(&function.cube(MEASURED, &|_| {}));
-                let errors = (rms, largest.max(ZONAL_FLOOR));
+                let errors = (rms, largest.max(function.at_a_sun).max(ZONAL_FLOOR));
                 let report = self.report(size, map.mean(), roughness, "zonal", 0, errors);
                 (map, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }
@@ -531,7 +530,7 @@ impl<'a> Filter<'a> {
                     return (cube, report);
                 }
                 let (rms, largest) = function.measure(&cube);
-                let errors = (rms, largest.max(ZONAL_FLOOR));
+                let errors = (rms, largest.max(function.at_a_sun).max(ZONAL_FLOOR));
                 let report = self.report(size, cube.mean(), roughness, "zonal", 0, errors);
                 (cube, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }

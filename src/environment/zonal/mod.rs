@@ -92,6 +92,8 @@ pub struct Function<'a> {
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
     pub truncation: f64,
+    /// What truncation and interpolation change at most towards a lone sun, in parts of the value.
+    pub at_a_sun: f64,
 }
 
 impl<'a> Zonal<'a> {
@@ -126,20 +128,19 @@ impl<'a> Zonal<'a> {
     pub fn function(&'a self, kernel: &Kernel) -> Function<'a> {
         let of = |part: &'a Part| part.plans.iter().find(|plan| plan.kernel == *kernel).map(|plan| (part, plan));
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
-            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0 };
+            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0, at_a_sun: 0.0 };
         };
         let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
+        let grid = plan.grid(truncation);
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let rings = match &*last {
             Some((of, rings)) if of == kernel => rings.clone(),
-            _ => {
-                let grid = plan.grid(truncation);
-                Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions))
-            }
+            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions)),
         };
         *last = Some((*kernel, rings.clone()));
         drop(last);
-        Function { zonal: self, kernel: *kernel, rings: Some((part, plan, rings)), degree: plan.degree(), truncation }
+        let (rings, at_a_sun) = (Some((part, plan, rings)), plan.at_a_sun(grid));
+        Function { zonal: self, kernel: *kernel, rings, degree: plan.degree(), truncation, at_a_sun }
     }
 }
 
@@ -251,10 +252,12 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
     let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
     let mut aims =
         vec![sun, -sun, DVec3::Y, DVec3::NEG_Y, DVec3::ONE.normalize(), DVec3::new(1.0, 0.0, 1.0).normalize()];
-    for away in [side, up, -side, -up] {
-        aims.extend(BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4))));
-        aims.extend(ACROSS.map(|angle| towards(away, 0.5 * PI - angle)));
-    }
+    aims.extend(
+        [side, -up]
+            .into_iter()
+            .flat_map(|away| BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4)))),
+    );
+    aims.extend([up, -side].into_iter().flat_map(|away| ACROSS.map(|angle| towards(away, 0.5 * PI - angle))));
     let mut darkest: Vec<(f32, usize)> =
         cube.texels.iter().enumerate().map(|(i, t)| (t[0].min(t[1]).min(t[2]), i)).collect();
     let n = DARKEST.min(darkest.len());
@@ -295,9 +298,8 @@ impl Part {
         let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
         let narrowest = plans.iter().map(width).fold(2.0, f64::min);
         let rest = Rest::new(panorama, &peel);
-        let (mean, whole) = (rest.mean, panorama.mean());
+        let (mean, norm2, whole) = (rest.mean, rest.norm2, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
-        let norm2 = rest.sum(|texel| std::array::from_fn(|c| (f64::from(texel[c]) - mean[c]).powi(2)));
         let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
         let kinked = kinked.map(Plan::degree).max().unwrap_or(0);
         let rows = match Nodes::for_kernels(narrowest, [kinked, degree], rest.shape()) {
@@ -359,6 +361,8 @@ struct Rest<'a> {
     /// The darkest values of the panorama, which are taken off all texels: where it is dark, what integration misses is small too.
     darkest: [f64; 3],
     mean: [f64; 3],
+    /// ∫ (f − mean)².
+    norm2: [f64; 3],
 }
 
 impl<'a> Rest<'a> {
@@ -366,13 +370,13 @@ impl<'a> Rest<'a> {
         let mut changed: Vec<(usize, [f32; 3])> = peel.remainders().collect();
         changed.sort_unstable_by_key(|(index, _)| *index);
         let darkest = panorama.min().map(f64::from);
-        if changed.is_empty() {
-            return Self { panorama, changed, darkest, mean: panorama.mean() };
+        let mut rest = Self { panorama, changed, darkest, mean: panorama.mean(), norm2: [0.0; 3] };
+        let [first, second] = rest.moments();
+        if !rest.changed.is_empty() {
+            rest.mean = std::array::from_fn(|c| darkest[c] + first[c] / (4.0 * PI));
         }
-        let rest = Self { panorama, changed, darkest, mean: [0.0; 3] };
-        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
-        let sum = rest.sum(|texel| std::array::from_fn(|c| f64::from(texel[c]) - darkest[c]));
-        Self { mean: std::array::from_fn(|c| darkest[c] + sum[c] / (4.0 * PI)), ..rest }
+        rest.norm2 = std::array::from_fn(|c| (second[c] - (rest.mean[c] - darkest[c]).powi(2) * 4.0 * PI).max(0.0));
+        rest
     }
 
     /// The same as a panorama of its own.
@@ -389,15 +393,18 @@ impl<'a> Rest<'a> {
         &self.changed[start..end]
     }
 
-    /// Σ of `f` over all texels, weighted by solid angle: rows on any thread, their sum in one order.
-    fn sum(&self, f: impl Fn(&[f32; 3]) -> [f64; 3] + Sync) -> [f64; 3] {
+    /// ∫ (f − darkest) and ∫ (f − darkest)²: a constant comes out as itself, and no sun cancels.
+    fn moments(&self) -> [[f64; 3]; 2] {
         let (width, height) = (self.panorama.width(), self.panorama.height());
         let of_row = |row: usize| {
-            let mut sum = [0.0; 3];
+            let mut sums = [[0.0; 3]; 2];
             let mut add = |texels: &[[f32; 3]]| {
                 for texel in texels {
-                    let value = f(texel);
-                    (0..3).for_each(|c| sum[c] += value[c]);
+                    for c in 0..3 {
+                        let value = f64::from(texel[c]) - self.darkest[c];
+                        sums[0][c] += value;
+                        sums[1][c] += value * value;
+                    }
                 }
             };
             let (texels, mut next) = (self.panorama.row(row), 0);
@@ -408,10 +415,10 @@ impl<'a> Rest<'a> {
                 next = column + 1;
             }
             add(&texels[next..]);
-            sum.map(|s| s * self.panorama.solid_angle(row))
+            sums.map(|sums| sums.map(|sum| sum * self.panorama.solid_angle(row)))
         };
-        let rows: Vec<[f64; 3]> = (0..height).into_par_iter().map(of_row).collect();
-        std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum())
+        let rows: Vec<[[f64; 3]; 2]> = (0..height).into_par_iter().map(of_row).collect();
+        std::array::from_fn(|i| std::array::from_fn(|c| rows.iter().map(|row| row[i][c]).sum()))
     }
 }
 

@@ -31,11 +31,20 @@ const WIDE_DEGREE: usize = 256;
 const STEEPEST: f64 = 80.0;
 /// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
 pub(super) const MOST_DEGREE: usize = 3500;
-/// The relative error of truncation at the peak that the degree is chosen for.
-const AIM: f64 = 3e-5;
-/// Spacing of the grid in widths of the kernel: interpolation of degree five on spacing Δ is off by 14 (Δ/width)⁶ at the peak of
-/// 1/(width² + θ²)², here 4e-5.
-const PER_WIDTH: f64 = 0.12;
+/// What a kernel's degree and grid are chosen for: the relative error of truncation at the peak, and the spacing of the grid in widths of the
+/// kernel. Interpolation of degree five on spacing Δ is off by [`PEAK`] (Δ/width)⁶ at the peak of 1/(width² + θ²)². Kernels narrower than
+/// [`NARROW`], whose degrees and grids are what takes time, are given the larger part of the goal.
+struct Aim {
+    truncation: f64,
+    per_width: f64,
+}
+
+/// 1e-5 and 1e-5.
+const USUAL: Aim = Aim { truncation: 1e-5, per_width: 0.095 };
+/// 3e-5 and 4e-5.
+const OF_NARROW: Aim = Aim { truncation: 3e-5, per_width: 0.12 };
+const NARROW: f64 = 0.08;
+const PEAK: f64 = 14.0;
 /// λ_l of narrow kernels are looked at up to this many times 1/α: e^(−2 · 16) is beyond every need.
 const REACH: f64 = 16.0;
 
@@ -47,8 +56,11 @@ pub(super) struct Plan {
     pub split: Option<Split>,
     /// λ_0 … λ_L.
     pub eigenvalues: Vec<f64>,
-    /// How far apart points of the grid may lie, in radians.
+    /// How far apart points of the grid may lie, in radians, and what interpolation is off by at a sun if they do.
     spacing: f64,
+    interpolation: f64,
+    /// What truncation is off by at a sun.
+    truncation_at_peak: f64,
     /// t of the bound for every map of the same flux.
     pub any_map: f64,
     /// ‖κ‖.
@@ -84,7 +96,8 @@ impl Plan {
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
         let peak = Remainder::new([&value; 2], width, 1.2, floor).relative(&lambda, step, instructions);
-        let enough = peak.iter().position(|&off| off <= AIM && !ring).map_or(most, |i| (i + 1) * step);
+        let aim = if width < NARROW { OF_NARROW } else { USUAL };
+        let enough = peak.iter().position(|&off| off <= aim.truncation && !ring).map_or(most, |i| (i + 1) * step);
         let degree = if wide { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
@@ -100,7 +113,9 @@ impl Plan {
         Some(Self {
             kernel,
             split: None,
-            spacing: PER_WIDTH * width,
+            spacing: aim.per_width * width,
+            interpolation: PEAK * aim.per_width.powi(6),
+            truncation_at_peak: peak.get((degree / step).max(1) - 1).copied().unwrap_or(0.0),
             any_map: whole[0],
             eigenvalues: lambda,
             remainder_norm,
@@ -118,7 +133,8 @@ impl Plan {
         let step = (most / 64).max(1);
         let width = 1.0 / degree as f64;
         let peak = Remainder::new([&rest, &whole], width, 1.2, floor).relative(&lambda, step, instructions);
-        let degree = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step).min(most);
+        let aim = USUAL.truncation;
+        let degree = peak.iter().position(|&off| off <= aim).map_or(most, |i| (i + 1) * step).min(most);
         lambda.truncate(degree + 1);
         let everywhere = Remainder::new([&rest, &whole], width, PI, floor).relative(&lambda, degree, instructions);
         let square = |w: f64| rest(w) * rest(w);
@@ -129,11 +145,13 @@ impl Plan {
         // Interpolation of degree five on spacing Δ in two directions is off by 0.003 Δ⁶ Σ |term| l⁶ at the peak at most.
         let (peak, sixth) =
             terms.fold((0.0, 0.0), |(peak, sixth), (l, term)| (peak + term.abs(), sixth + term.abs() * l.powi(6)));
-        let spacing = (AIM * peak / (0.003 * sixth)).powf(1.0 / 6.0);
+        let spacing = (aim * peak / (0.003 * sixth)).powf(1.0 / 6.0);
         Self {
             kernel,
             split: Some(split),
             spacing,
+            interpolation: aim,
+            truncation_at_peak: aim,
             any_map: everywhere[0],
             eigenvalues: lambda,
             remainder_norm,
@@ -161,6 +179,15 @@ impl Plan {
         let rings = (PI / self.spacing).max(dense * degree).max(16.0);
         let columns = (TAU / self.spacing).max(1.8 * dense * degree).max(32.0);
         [rings as usize, Fft::fast_length(columns as usize)]
+    }
+
+    /// The relative error that a grid and truncation leave at a lone sun, at most: nothing where suns are peeled off first.
+    pub fn at_a_sun(&self, [rings, _]: [usize; 2]) -> f64 {
+        if is_wide(&self.kernel) && self.split.is_none() {
+            return 0.0;
+        }
+        let spacing = PI / rings as f64;
+        self.truncation_at_peak + self.interpolation * (spacing / self.spacing).powi(6)
     }
 
     /// The largest relative error that truncation can cause, given the part `share` of the light that was not peeled off, and
