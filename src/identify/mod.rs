@@ -18,6 +18,7 @@ mod ramp;
 mod rank;
 mod residual;
 mod search;
+mod simple;
 
 pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
 
