@@ -437,7 +437,8 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Optio
             })
         };
         if !hopeless && let Some(new) = judged(hypothesis, cost, data).ok().filter(as_good) {
-            list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));
+            let is_other = |r: &Ranked| r.is_exact() && r.hypothesis.ramps != new.hypothesis.ramps;
+            list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis) || is_other(r));
             // What comes second over the same axes is a rival, too.
             shared.sort_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((second, cost)) = shared.into_iter().next()

@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Indices along each dimension while everything is tried.
 const COARSE: [usize; 3] = [24, 9, 5];
 /// Of so many texels one may be predicted wrongly, of tables over one axis and over several: masters are as good as they are nearly everywhere.
-const ONE_IN: [usize; 3] = [16, 8, 8];
+const ONE_IN: [usize; 3] = [16, 6, 6];
 /// What an explanation may leave, in parts of what the best one does: masters are not better than that.
 const NEARLY: f64 = 3.0;
 /// Explanations of a channel that are kept: simplest first. What has more holds too few levels to be told by.
