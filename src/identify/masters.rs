@@ -118,10 +118,13 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
             for v in Visibility::ALL {
                 list.push(("charlie.albedo", vec![mu(57), roughness(33)], &[], visibility(v)));
             }
-            for name in ["burley.albedo", "burley-renormalized.albedo", "fujii.albedo"] {
+            for name in ["burley.albedo", "burley-renormalized.albedo"] {
                 list.push((name, vec![mu(49), linear(P::Roughness, 17)], &[], plain));
             }
-            list.push(("oren-nayar.albedo", vec![mu(49), linear(P::Sigma, 33)], &[], plain));
+            // These have the sine in them: where it is 0, smooth in the angle only.
+            let angle = axis(P::Mu, 49, Warp::Acos, None);
+            list.push(("fujii.albedo", vec![angle, linear(P::Roughness, 17)], &[], plain));
+            list.push(("oren-nayar.albedo", vec![angle, linear(P::Sigma, 33)], &[], plain));
             list.push(("conductor.albedo", vec![mu(41), roughness(25)], &[(P::N, 0.42), (P::K, 2.35)], plain));
             list.push(("fresnel.schlick", vec![mu(65), linear(P::F0, 5)], &[], plain));
             list.push(("fresnel.dielectric", vec![mu(97), outside(65)], &[], plain));

@@ -187,7 +187,19 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
 
 /// Explanations of which every texel is the correct rounding and that have no fitted number.
 fn exactly_and_simply(channels: &[Data], masters: Vec<Arc<masters::Master>>) -> Result<Vec<Vec<Ranked>>> {
-    simple::simple(channels, &masters).into_iter().zip(channels).map(|(found, data)| exact_among(found, data)).collect()
+    let exact = |channels: &[Data], curved| -> Result<Vec<Vec<Ranked>>> {
+        let found = simple::simple(channels, &masters, curved).into_iter().zip(channels);
+        found.map(|(found, data)| exact_among(found, data)).collect()
+    };
+    let mut all = exact(channels, false)?;
+    // Curves only where nothing plain is exact, or where there are so few texels that it may be so by chance.
+    let is_open = |c: &usize| all[*c].is_empty() || channels[*c].sizes.len() == 1;
+    let open: Vec<usize> = (0..channels.len()).filter(is_open).collect();
+    let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
+    for (c, mut curved) in open.into_iter().zip(exact(&data, true)?) {
+        all[c].append(&mut curved);
+    }
+    Ok(all)
 }
 
 /// Those of which every texel is the correct rounding.

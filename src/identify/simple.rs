@@ -61,24 +61,16 @@ impl Bounds {
 }
 
 /// The simple explanations of every channel that leave no texel rounded wrongly, as far as masters tell, with what they cost; the simplest
-/// first. Of volumes, which have too many arrangements, none: see [`nearest`].
-pub fn simple(channels: &[Data], masters: &[Arc<Master>]) -> Vec<Vec<(Hypothesis, f64)>> {
-    let Some(sizes) = channels.first().map(|data| data.sizes.clone()).filter(|sizes| sizes.len() < 3) else {
-        return vec![vec![]; channels.len()];
+/// first. `curved`: those through a curve, or those without one. Of volumes, which have too many arrangements, none: see [`nearest`].
+pub fn simple(channels: &[Data], masters: &[Arc<Master>], curved: bool) -> Vec<Vec<(Hypothesis, f64)>> {
+    let curves = if curved { &Curve::ALL[1..] } else { &Curve::ALL[..1] };
+    // One axis has so few arrangements that every place can be tried.
+    let places: &[Place] = match channels.first().map_or(0, |data| data.sizes.len()) {
+        1 => &Place::ALL,
+        2 => &[Place::Centre(0.0), Place::Edge(0.0)],
+        _ => return vec![vec![]; channels.len()],
     };
-    // One axis has so few arrangements that every place and every curve can be tried at once.
-    if sizes.len() == 1 {
-        return among(channels, &sizes, masters, &Place::ALL, &Curve::ALL);
-    }
-    let places = [Place::Centre(0.0), Place::Edge(0.0)];
-    let mut found = among(channels, &sizes, masters, &places, &[Curve::Plain]);
-    let open: Vec<usize> = (0..channels.len()).filter(|&c| found[c].is_empty()).collect();
-    let rest: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
-    if !rest.is_empty() {
-        let curved = among(&rest, &sizes, masters, &places, &Curve::ALL[1..]);
-        open.into_iter().zip(curved).for_each(|(c, curved)| found[c] = curved);
-    }
-    found
+    among(channels, &channels[0].sizes, masters, places, curves)
 }
 
 fn among(
