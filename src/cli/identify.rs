@@ -63,6 +63,9 @@ impl Identify {
     }
 }
 
+/// Explanations as good as the best that are listed to a person.
+const A_FEW: usize = 4;
+
 fn text(name: &str, found: &Identification) -> String {
     let mut text = format!("{name}: {}\n", found.file);
     if let Some(packing) = found.packing {
@@ -98,6 +101,12 @@ fn text(name: &str, found: &Identification) -> String {
     for c in &found.channels {
         for same in &c.same {
             text += &format!("{}: {same} comes to the same numbers, nothing tells them apart\n", c.channel);
+        }
+        for as_good in c.as_good.iter().take(A_FEW) {
+            text += &format!("{}: {as_good} rounds to the same, the file does not tell them apart\n", c.channel);
+        }
+        if c.as_good.len() > A_FEW {
+            text += &format!("{}: and {} more do; --json lists them\n", c.channel, c.as_good.len() - A_FEW);
         }
         if let Some(runner_up) = &c.runner_up {
             text += &if c.quantity.is_some() {

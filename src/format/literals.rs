@@ -8,6 +8,7 @@
 //! - **Integers in decimal** are unsigned bytes or words that stand for 0 to 1, or the bits of halves where the declaration says so.
 //! - **Decimals** are themselves; how many places they have tells how finely they are rounded.
 
+mod json;
 mod lengths;
 
 use super::grid::Stored;
@@ -118,8 +119,12 @@ pub fn arrays(text: &str) -> Vec<Array> {
 
 /// The array called `name`, or the only one.
 ///
-/// **Errors**: none, several of which none is chosen, or no such name; the message lists the names.
+/// **Errors**: none, several of which none is chosen, or no such name; the message lists the names. JSON that is cut off, and rows of unlike
+/// lengths in it; the message says where.
 pub fn choose(text: &str, name: Option<&str>) -> Result<Array> {
+    if let Some(error) = json::cut_off(text) {
+        return Err(error);
+    }
     let mut all = arrays(text);
     let names = || {
         let mut names: Vec<String> = all
@@ -151,11 +156,16 @@ pub fn choose(text: &str, name: Option<&str>) -> Result<Array> {
         };
     }
     match all.len() {
-        1 => Ok(all.swap_remove(0)),
-        0 => Err(Error::invalid(
-            "a text without an array of numbers",
-            "give the source or JSON file that holds the table, or decode it to one that does",
-        )),
+        1 => match json::ragged(text) {
+            Some(error) => Err(error),
+            None => Ok(all.swap_remove(0)),
+        },
+        0 => Err(json::broken(text).unwrap_or_else(|| {
+            Error::invalid(
+                "a text without an array of numbers",
+                "give the source or JSON file that holds the table, or decode it to one that does",
+            )
+        })),
         n => Err(Error::usage(
             format!("{n} arrays in one text: {}", names()),
             "choose one with --array, such as --array 1",
@@ -488,7 +498,7 @@ mod tests {
     fn dimensions_come_from_brackets_or_from_the_declaration() {
         assert_eq!(only("float a[2][3] = {1.5,2,3,4,5,6};").shape, [2, 3]);
         assert_eq!(only("[[[1.5,2],[3,4],[5,6]]]").shape, [3, 2]);
-        assert_eq!(only("[[1.5,2,3],[3,4]]").shape, [5], "ragged");
+        assert_eq!(only("{{1.5,2,3},{3,4}}").shape, [5], "ragged");
         assert_eq!(only("[1.5,2,3,4]").shape, [4]);
     }
 

@@ -40,6 +40,9 @@ pub struct ChannelFinding {
     pub runner_up: Option<RunnerUp>,
     /// Explanations that come to the same numbers: nothing in the file tells them apart.
     pub same: Vec<String>,
+    /// Explanations that come to other numbers, of which every texel is the correct rounding all the same, and that have no fitted number
+    /// either: the file does not tell them apart.
+    pub as_good: Vec<String>,
 }
 
 /// An explanation that is not the best.
@@ -164,6 +167,7 @@ fn constant(grid: &Grid, c: usize) -> ChannelFinding {
         times_rounding: None,
         runner_up: None,
         same: vec![],
+        as_good: vec![],
     }
 }
 
@@ -182,6 +186,7 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
         times_rounding: None,
         runner_up: None,
         same: vec![],
+        as_good: vec![],
     };
     let Some(best) = ranked.first() else { return unknown };
     let relative = best.trimmed / data.spread;
@@ -191,8 +196,11 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
     // over other axes, cropped and stretched as they had to be, is no rival.
     let known = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best));
-    let (rivals, ruled_out): (Vec<&Ranked>, Vec<&Ranked>) =
-        others.into_iter().partition(|other| known.is_none_or(|known| best.is_rivalled_by(other, known)));
+    let (rivals, ruled_out): (Vec<&Ranked>, Vec<&Ranked>) = others
+        .into_iter()
+        .partition(|other| !other.disagrees && known.is_none_or(|known| best.is_rivalled_by(other, known)));
+    let as_good = rivals.iter().filter(|other| best.is_exact() && other.is_exact() && other.hypothesis.is_simple());
+    let as_good: Vec<String> = as_good.map(|other| what(&other.hypothesis)).collect();
     // Where all of many texels are what rounding makes of the best explanation, what would have some of them rounded wrongly is refuted,
     // however little that is.
     let is_refuted = |other: &&Ranked| best.misrounded == 0.0 && other.misrounded >= REFUTED;
@@ -247,6 +255,7 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
         times_rounding: figures.2,
         runner_up,
         // Not what turns the numbers round to come to the same.
+        as_good,
         same: same.into_iter().filter(|r| r.hypothesis.encoding == encoding).map(|r| what(&r.hypothesis)).collect(),
         ..unknown
     }

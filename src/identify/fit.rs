@@ -2,7 +2,7 @@
 
 use super::hypothesis::{Choice, Data, Hypothesis, MASTER_ERROR, choice};
 use super::ramp::{Place, Ramp};
-use super::residual::{KNOWN, Sums, encoding};
+use super::residual::{KNOWN, Sums, encoding, left, price};
 use crate::math::warp::Warp;
 
 /// Indices along each dimension while the best are fitted.
@@ -72,6 +72,15 @@ pub fn resettle(hypothesis: &Hypothesis, data: &Data, choice: &Choice) -> (Hypot
     let (settled, cost) = settle(hypothesis, &values, choice, MASTER_ERROR + data.rounding);
     let price = price_of_ranges(&settled);
     (settled, cost * price)
+}
+
+/// The same with the encoding that it has.
+pub fn as_it_is(hypothesis: Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
+    let curve = hypothesis.encoding.curve;
+    let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
+    let residual = left(&values, &hypothesis.predict(choice), hypothesis.encoding);
+    let cost = (residual + MASTER_ERROR + data.rounding) * price(hypothesis.encoding) * price_of_ranges(&hypothesis);
+    (Hypothesis { residual, ..hypothesis }, cost)
 }
 
 fn moved(hypothesis: &Hypothesis, by: &[f64]) -> Hypothesis {
@@ -282,7 +291,8 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
         })
         .collect();
     // Where rounding is coarse, the middle of what it leaves hardly tells places apart; texels that it cannot have left do.
-    let exact: Vec<bool> = tried.iter().map(|t| t.1.misrounded(data, choice) == Some(0)).collect();
+    let exact: Vec<bool> =
+        tried.iter().map(|t| t.1.tells_rounding(data) && t.1.misrounded(data, choice) == 0).collect();
     if exact.contains(&true) {
         let mut exact = exact.into_iter();
         tried.retain(|_| exact.next() == Some(true));

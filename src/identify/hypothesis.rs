@@ -9,8 +9,6 @@ use std::sync::Arc;
 
 /// What interpolation between a master's nodes is off by: residuals below it decide nothing.
 pub const MASTER_ERROR: f64 = 3e-5;
-/// What a master is off by at most, nearly everywhere: where rounding is coarser than that, it tells which texels are rounded wrongly.
-const MASTER_IS_WITHIN: f64 = 1e-4;
 
 /// What a channel may hold.
 #[derive(Debug, Clone)]
@@ -130,14 +128,32 @@ impl Hypothesis {
         (ramps != self.ramps).then(|| Self { ramps, ..self.clone() })
     }
 
-    /// Texels of a choice that have another number than correct rounding would give; nothing where masters are too coarse to tell.
-    pub fn misrounded(&self, data: &Data, choice: &Choice) -> Option<usize> {
-        let slack = MASTER_IS_WITHIN * self.encoding.scale.abs().max(1.0);
+    /// What the master says is off by at most, nearly everywhere.
+    fn slack(&self) -> f64 {
+        self.master.definition.is_within() * self.encoding.scale.abs().max(1.0)
+    }
+
+    /// Whether the master is better than rounding is coarse: only then it tells which texels are rounded wrongly.
+    pub fn tells_rounding(&self, data: &Data) -> bool {
+        data.rounding >= self.slack()
+    }
+
+    /// Texels of a choice that have another number than correct rounding would give, as far as the master tells.
+    pub fn misrounded(&self, data: &Data, choice: &Choice) -> usize {
+        let slack = self.slack();
         let pairs = || indices(&data.sizes, choice).into_iter().zip(self.predict(choice));
         // NaN counts for nothing.
         let is_wrong =
             |(i, p): &(usize, f64)| (self.encoding.encode(*p) - data.values[*i]).abs() > 0.5 * data.steps[*i] + slack;
-        (data.rounding >= slack).then(|| pairs().filter(is_wrong).count())
+        pairs().filter(is_wrong).count()
+    }
+
+    /// Whether it says all with words that people have for tables, and has no fitted number.
+    pub fn is_simple(&self) -> bool {
+        let is_placed = |ramp: &Ramp| ramp.place().is_some() && !ramp.is_odd();
+        KNOWN.contains(&(self.encoding.scale, self.encoding.offset))
+            && self.free.is_none()
+            && self.ramps.iter().all(is_placed)
     }
 
     /// What had to be fitted or assumed for it to hold: numbers first, then places that are not the simplest, then another model than the

@@ -2,7 +2,9 @@
 //!
 //! Every quantity is tried over every simple arrangement of axes against [`masters`](masters::Master), which are dense tables of
 //! everything that Kiln knows; the best are then fitted: shifts and ranges of axes, factors and offsets of values. What fits best is judged by
-//! quadrature, texel by texel, and so is what fits second best.
+//! quadrature, texel by texel, and so is what fits second best. An explanation without a fitted number, of which every texel is the correct
+//! rounding, comes before all others; where there are several, as of eight bytes along a smooth curve, each is named and none is more than
+//! possible.
 //!
 //! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
 //! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
@@ -18,6 +20,7 @@ mod ramp;
 mod rank;
 mod residual;
 mod search;
+mod simple;
 
 pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
 

@@ -106,9 +106,13 @@ impl Ramp {
             Some(_) => 1,
             None => 2,
         };
-        // Nobody chooses 0.0587.
+        of_place + usize::from(self.is_odd())
+    }
+
+    /// Whether its warp has a number that nobody chooses, such as 0.0587.
+    pub fn is_odd(&self) -> bool {
         let is_odd = |offset: f64| format!("{offset:.0e}").parse() != Ok(offset);
-        of_place + usize::from(matches!(self.warp, Warp::Log { offset } if is_odd(offset)))
+        matches!(self.warp, Warp::Log { offset } if is_odd(offset))
     }
 
     /// Whether they are displaced by a part of a texel that nobody would choose.
@@ -221,6 +225,33 @@ pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
             let ramp = Ramp { parameter, warp, range, domain, size, flip: false, first: 0.0, step: 0.0 };
             ramp.placed(Place::Centre(0.0))
         })
+        .collect()
+}
+
+/// What people add before they take a logarithm: a digit, or half of ten.
+const OFFSETS: [f64; 12] = [0.001, 0.002, 0.003, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5];
+
+/// Every ramp of [`ramps`], with every offset before its logarithm that people choose, flipped or not, at these places.
+pub fn simple_ramps(nodes: &Axis, size: usize, places: &[Place]) -> Vec<Ramp> {
+    let mut all: Vec<Ramp> = vec![];
+    for ramp in ramps(nodes, size) {
+        match ramp.warp {
+            Warp::Log { offset } if offset > 0.0 => {
+                all.extend(OFFSETS.map(|offset| Ramp { warp: Warp::Log { offset }, ..ramp }));
+            }
+            _ => all.push(ramp),
+        }
+    }
+    // One parameter may have several logarithms in the list.
+    let mut simple: Vec<Ramp> = vec![];
+    all.retain(|ramp| {
+        let is_new = !simple.contains(ramp);
+        simple.push(*ramp);
+        is_new
+    });
+    all.into_iter()
+        .flat_map(|ramp| [false, true].map(|flip| Ramp { flip, ..ramp }))
+        .flat_map(|ramp| places.iter().map(move |&place| ramp.placed(place)))
         .collect()
 }
 

@@ -3,6 +3,7 @@
 use super::fit;
 use super::hypothesis::{self, Data, Hypothesis};
 use super::search::{self, Arrangement};
+use super::simple;
 use super::{Options, masters};
 use crate::claim::Curve;
 use crate::error::{Error, Result};
@@ -14,7 +15,7 @@ use std::sync::Arc;
 /// Hypotheses of a channel that are fitted.
 const FITTED: usize = 14;
 /// Texels along each dimension at which a hypothesis is judged by quadrature at most, and one whose integrals are dear.
-const JUDGED: [usize; 3] = [512, 48, 12];
+const JUDGED: [usize; 3] = [128, 48, 12];
 const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 6];
 /// What values may be off by when hypotheses are judged by them.
 const JUDGED_TO: f64 = 1e-6;
@@ -45,6 +46,8 @@ pub struct Ranked {
     pub says: Vec<(f64, f64)>,
     /// The part of them at which the file has another number than correct rounding would give.
     pub misrounded: f64,
+    /// Whether it is as good as the best, but not over the axes that more of the table's channels are explained over.
+    pub disagrees: bool,
 }
 
 impl Ranked {
@@ -55,7 +58,7 @@ impl Ranked {
     }
 
     /// Whether every texel is the correct rounding of what it says, as far as quadrature tells.
-    fn is_exact(&self) -> bool {
+    pub fn is_exact(&self) -> bool {
         !self.says.is_empty() && self.misrounded == 0.0
     }
 
@@ -84,6 +87,7 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
         return Ok(vec![vec![]; channels.len()]);
     }
     let mut fitted: Vec<Vec<(Hypothesis, f64)>> = vec![vec![]; channels.len()];
+    let mut exact = exactly_and_simply(channels, masters::load(n_axes, options.cache)?)?;
     // Cropped tables, curves, and tables with a parameter fixed are looked into only where nothing simpler explains the channel.
     let rounds: [(usize, &[Curve], Arrangement); 4] = [
         (n_axes, &[Curve::Plain], Arrangement::Whole),
@@ -99,7 +103,8 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
         }
         let mut open = vec![];
         for c in 0..channels.len() {
-            if is_open(&fitted[c], &channels[c])? {
+            let is_explained = !fitted[c].is_empty() && !exact[c].is_empty();
+            if !is_explained && is_open(&fitted[c], &channels[c])? {
                 open.push(c);
             }
         }
@@ -109,8 +114,23 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
         let masters = masters::load(master_axes, options.cache)?;
         let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
         let found = search::search(&data, &masters, curves, arrangement, FITTED);
-        for ((c, data), hypotheses) in open.into_iter().zip(&data).zip(found) {
+        for ((c, data), mut hypotheses) in open.into_iter().zip(&data).zip(found) {
             let choice = fit::fine(&data.sizes);
+            if n_axes == 3 && exact[c].is_empty() {
+                // Of volumes not all places and warps were tried.
+                let near: Vec<(Hypothesis, f64)> =
+                    hypotheses.par_iter().map(|h| simple::nearest(h, data, &choice)).collect();
+                exact[c] = exact_among(near.clone(), data)?;
+                let beside =
+                    exact[c].iter().flat_map(|found| simple::beside(&found.hypothesis, data, &choice)).collect();
+                exact[c].extend(exact_among(beside, data)?);
+                if !exact[c].is_empty() {
+                    fitted[c].extend(near);
+                    fitted[c].sort_by(|a, b| a.1.total_cmp(&b.1));
+                    continue;
+                }
+                hypotheses = near.into_iter().map(|(h, _)| h).collect();
+            }
             let new: Vec<(Hypothesis, f64)> = hypotheses
                 .par_iter()
                 .map(|h| {
@@ -122,16 +142,17 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
             fitted[c].sort_by(|a, b| a.1.total_cmp(&b.1));
         }
     }
-    fitted
+    let mut ranked: Vec<Vec<Ranked>> = fitted
         .into_iter()
-        .zip(channels)
-        .map(|(list, data)| {
+        .zip(channels.iter().zip(&mut exact))
+        .map(|(list, (data, exact))| {
             let mut ranked: Vec<Ranked> = vec![];
             for (hypothesis, cost) in list {
                 // Two that came to the same are one.
                 let same = |r: &Ranked| says(&r.hypothesis) == says(&hypothesis);
                 let first = ranked.first().map_or(cost, |r| r.cost);
-                let most = if cost <= NEARLY_AS_CHEAP * first { MOST } else { SECOND };
+                let many = exact.is_empty() && cost <= NEARLY_AS_CHEAP * first;
+                let most = if many { MOST } else { SECOND };
                 if ranked.len() < most && !ranked.iter().any(same) {
                     ranked.push(judged(hypothesis, cost, data)?);
                 }
@@ -144,6 +165,13 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
                     ranked[0] = simple;
                 }
             }
+            let same =
+                |a: &Hypothesis, b: &Hypothesis| a.ramps == b.ramps && says(a) == says(b) && a.encoding == b.encoding;
+            for new in exact.drain(..) {
+                if !ranked.iter().any(|known| same(&new.hypothesis, &known.hypothesis)) {
+                    ranked.push(new);
+                }
+            }
             put_best_first(&mut ranked, data);
             // Of what comes to the same numbers, that whose axes are in the usual order.
             let same = |r: &Ranked| r.hypothesis.is_in_order() && r.same_numbers(&ranked[0]);
@@ -152,7 +180,67 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
             }
             Ok(ranked)
         })
-        .collect()
+        .collect::<Result<_>>()?;
+    agree(&mut ranked);
+    Ok(ranked)
+}
+
+/// Explanations of which every texel is the correct rounding and that have no fitted number.
+fn exactly_and_simply(channels: &[Data], masters: Vec<Arc<masters::Master>>) -> Result<Vec<Vec<Ranked>>> {
+    let exact = |channels: &[Data], curved| -> Result<Vec<Vec<Ranked>>> {
+        let found = simple::simple(channels, &masters, curved).into_iter().zip(channels);
+        found.map(|(found, data)| exact_among(found, data)).collect()
+    };
+    let mut all = exact(channels, false)?;
+    // Curves only where nothing plain is exact, or where there are so few texels that it may be so by chance.
+    let is_open = |c: &usize| all[*c].is_empty() || channels[*c].sizes.len() == 1;
+    let open: Vec<usize> = (0..channels.len()).filter(is_open).collect();
+    let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
+    for (c, mut curved) in open.into_iter().zip(exact(&data, true)?) {
+        all[c].append(&mut curved);
+    }
+    Ok(all)
+}
+
+/// Those of which every texel is the correct rounding.
+fn exact_among(found: Vec<(Hypothesis, f64)>, data: &Data) -> Result<Vec<Ranked>> {
+    let exact = |(hypothesis, cost): (Hypothesis, f64)| {
+        if is_refuted(&hypothesis, data)? {
+            return Ok(None);
+        }
+        Ok(Some(judged(hypothesis, cost, data)?).filter(Ranked::is_exact))
+    };
+    Ok(found.into_par_iter().map(exact).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+}
+
+/// Channels of one table mostly share their axes and their model: of what is exact, that comes first which is over the axes that most
+/// channels are explained over exactly, and with the model of most of these.
+fn agree(ranked: &mut [Vec<Ranked>]) {
+    if ranked.len() < 2 {
+        return;
+    }
+    let exact = |list: &'_ [Ranked]| -> Vec<Ranked> { list.iter().filter(|r| r.is_exact()).cloned().collect() };
+    let model = |r: &Ranked| r.hypothesis.master.definition.model;
+    let lists: Vec<Vec<Ranked>> = ranked.iter().map(|list| exact(list)).collect();
+    // How many channels are explained so, by the ramps and then by the model; what it takes to say it.
+    let votes = |r: &Ranked| {
+        let over = |l: &&Vec<Ranked>| l.iter().any(|o| o.hypothesis.ramps == r.hypothesis.ramps);
+        let with =
+            |l: &&Vec<Ranked>| l.iter().any(|o| o.hypothesis.ramps == r.hypothesis.ramps && model(o) == model(r));
+        (lists.iter().filter(over).count(), lists.iter().filter(with).count())
+    };
+    let rated: Vec<Vec<(usize, usize)>> = ranked.iter().map(|list| list.iter().map(votes).collect()).collect();
+    let most = rated.iter().flatten().max().copied().unwrap_or((0, 0));
+    if most.0 < 2 {
+        return;
+    }
+    for (list, votes) in ranked.iter_mut().zip(rated) {
+        let own = list.iter().zip(&votes).filter(|(r, _)| r.is_exact()).map(|(_, v)| *v).max().unwrap_or((0, 0));
+        list.iter_mut().zip(&votes).for_each(|(r, votes)| r.disagrees = r.is_exact() && votes.0 < own.0);
+        if let Some(i) = list.iter().zip(&votes).position(|(r, v)| r.is_exact() && *v == own) {
+            list[..=i].rotate_right(1);
+        }
+    }
 }
 
 /// Whether it is worth while to look further for what explains a channel, of which `fitted` are the best explanations so far.
@@ -208,11 +296,69 @@ fn says(h: &Hypothesis) -> String {
     format!("{} {model:?} {ramps:?} {:?}", h.master.definition.quantities()[h.quantity].name, h.encoding.curve)
 }
 
+/// What a hypothesis says of a texel as it is stored, before it is rounded, and what that may be off by.
+fn at_texel(hypothesis: &Hypothesis, data: &Data, texel: usize, integration: &Integration) -> Result<(f64, f64)> {
+    let definition = &hypothesis.master.definition;
+    let (mut rest, mut at) = (texel, definition.at);
+    for (ramp, &size) in hypothesis.ramps.iter().zip(&data.sizes) {
+        at.set(ramp.parameter, ramp.value(rest % size));
+        rest /= size;
+    }
+    if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
+        at.set(last.parameter, free);
+    }
+    let (exact, error) = match evaluate_family(definition.handle.family, &at, &definition.model, integration) {
+        Ok(estimates) => (estimates[hypothesis.quantity].value, estimates[hypothesis.quantity].error),
+        Err(Error::Unsupported(_)) => (f64::NAN, 0.0), // it diverges there
+        Err(other) => return Err(other),
+    };
+    let stored = hypothesis.encoding.encode(exact);
+    Ok((stored, (hypothesis.encoding.encode(exact + error) - stored).abs()))
+}
+
+/// Whether a texel is not the correct rounding of what is said of it.
+fn is_off((says, error): (f64, f64), data: &Data, texel: usize) -> bool {
+    (says - data.values[texel]).abs() > 0.5 * data.steps[texel] + 2.0 * JUDGED_TO + error
+}
+
+/// Texels that are looked at before all are, and where their values take longest: most explanations fail at one of the first.
+const FIRST_LOOK: usize = 256;
+const FIRST_LOOK_IF_DEAR: usize = 48;
+
+/// Whether one of some texels is not the correct rounding of what is said of it.
+fn is_refuted(hypothesis: &Hypothesis, data: &Data) -> Result<bool> {
+    let definition = &hypothesis.master.definition;
+    if !definition.handle.family.has_quadrature() {
+        return Ok(true); // as far as chance tells, nothing is exact
+    }
+    let integration = Integration::new(Settings { tolerance: Some(JUDGED_TO), ..Settings::default() })?;
+    let n = data.values.len();
+    let look = if DEAR.contains(&definition.handle.quantity.name) { FIRST_LOOK_IF_DEAR } else { FIRST_LOOK };
+    // Far apart from each other, and in all rows and columns.
+    let share_none = |step: &usize| (2..=*step).all(|d| !step.is_multiple_of(d) || !n.is_multiple_of(d));
+    let step = (n * 5 / 8..n).find(share_none).unwrap_or(1);
+    for k in 0..n.min(look) {
+        let texel = k * step % n;
+        if is_off(at_texel(hypothesis, data, texel, &integration)?, data, texel) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
 /// The hypothesis with its residuals by quadrature.
 fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     if hypothesis.relative(data) > NOT_TO_BE_BELIEVED {
         let left = hypothesis.residual;
-        return Ok(Ranked { hypothesis, cost, rms: left, trimmed: left, says: vec![], misrounded: 1.0 });
+        return Ok(Ranked {
+            hypothesis,
+            cost,
+            rms: left,
+            trimmed: left,
+            says: vec![],
+            misrounded: 1.0,
+            disagrees: false,
+        });
     }
     let definition = &hypothesis.master.definition;
     let family = definition.handle.family;
@@ -227,30 +373,9 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
     let integration = Integration::new(settings)?;
     let texels = hypothesis::indices(&data.sizes, &choice);
-    let says: Vec<(f64, f64)> = texels
-        .par_iter()
-        .map(|&texel| {
-            let (mut rest, mut at) = (texel, definition.at);
-            for (ramp, &size) in hypothesis.ramps.iter().zip(&data.sizes) {
-                at.set(ramp.parameter, ramp.value(rest % size));
-                rest /= size;
-            }
-            if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
-                at.set(last.parameter, free);
-            }
-            let (exact, error) = match evaluate_family(family, &at, &definition.model, &integration) {
-                Ok(estimates) => (estimates[hypothesis.quantity].value, estimates[hypothesis.quantity].error),
-                Err(Error::Unsupported(_)) => (f64::NAN, 0.0), // it diverges there
-                Err(other) => return Err(other),
-            };
-            let stored = hypothesis.encoding.encode(exact);
-            Ok((stored, (hypothesis.encoding.encode(exact + error) - stored).abs()))
-        })
-        .collect::<Result<_>>()?;
-    let off = |((v, error), &texel): (&(f64, f64), &usize)| {
-        let off = (v - data.values[texel]).abs();
-        (off, off > 0.5 * data.steps[texel] + 2.0 * JUDGED_TO + error)
-    };
+    let says: Vec<(f64, f64)> =
+        texels.par_iter().map(|&texel| at_texel(&hypothesis, data, texel, &integration)).collect::<Result<_>>()?;
+    let off = |(says, &texel): (&(f64, f64), &usize)| ((says.0 - data.values[texel]).abs(), is_off(*says, data, texel));
     let offs: Vec<(f64, bool)> = says.iter().zip(&texels).map(off).filter(|(off, _)| off.is_finite()).collect();
     let misrounded = offs.iter().filter(|(_, far)| *far).count() as f64 / offs.len().max(1) as f64;
     let mut squares: Vec<f64> = offs.iter().map(|(off, _)| off * off).collect();
@@ -260,7 +385,7 @@ fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
     squares.sort_by(f64::total_cmp);
     let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
     let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
-    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says, misrounded })
+    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says, misrounded, disagrees: false })
 }
 
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
@@ -311,6 +436,14 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Optio
         if shared.is_empty() {
             continue;
         }
+        // What is exact over the same axes already has been compared with the other channels.
+        if list.first().is_some_and(|own| {
+            own.is_exact()
+                && own.hypothesis.ramps == anchor.ramps
+                && says(&own.hypothesis) != says(&shared[own_model].0)
+        }) {
+            continue;
+        }
         let (hypothesis, cost) = shared.swap_remove(own_model);
         let hopeless = list.first().is_some_and(|own| cost > NOT_WORTH_A_LOOK * own.cost);
         let as_good = |new: &Ranked| {
@@ -320,7 +453,8 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Optio
             })
         };
         if !hopeless && let Some(new) = judged(hypothesis, cost, data).ok().filter(as_good) {
-            list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis));
+            let is_other = |r: &Ranked| r.is_exact() && r.hypothesis.ramps != new.hypothesis.ramps;
+            list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis) || is_other(r));
             // What comes second over the same axes is a rival, too.
             shared.sort_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((second, cost)) = shared.into_iter().next()

@@ -67,6 +67,22 @@ pub(super) const KNOWN: [(f64, f64); 12] = [
     (1.0 / 255.0, 0.0),
 ];
 
+/// What an encoding must gain, in parts of the residual.
+pub(super) fn price(encoding: Encoding) -> f64 {
+    let of_curve = if encoding.curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
+    let of_numbers = match (encoding.scale, encoding.offset) {
+        (1.0, 0.0) => 1.0,
+        known if KNOWN.contains(&known) => PRICE_OF_KNOWN,
+        _ => PRICE_OF_ANY,
+    };
+    of_curve * of_numbers
+}
+
+/// What a prediction leaves of values under an encoding without its curve: root mean square without the worst tenth.
+pub(super) fn left(values: &[f64], predicted: &[f64], encoding: Encoding) -> f64 {
+    trimmed(values, predicted, encoding.scale, encoding.offset, f64::INFINITY, &mut vec![])
+}
+
 /// How much of what is left may be in the worst tenth of the texels: more is not looked for while everything is tried.
 const WORST_TENTH: f64 = 4.0;
 
@@ -81,16 +97,14 @@ pub(super) fn encoding(
     limit: f64,
     squares: &mut Vec<f64>,
 ) -> (Encoding, f64, f64) {
-    let price_of_curve = if curve == Curve::Plain { 1.0 } else { PRICE_OF_CURVE };
     let (a, b) = sums.nearest();
     // What is left with its worst tenth is known without sorting; while everything is tried, the rest is taken to be no less than a
     // part of it.
     let least = |scale, offset| if limit < f64::INFINITY { sums.left(scale, offset) / WORST_TENTH } else { 0.0 };
-    let known = KNOWN.into_iter().enumerate().map(|(i, known)| (known, if i == 0 { 1.0 } else { PRICE_OF_KNOWN }));
     let mut best = (Encoding { scale: a, offset: b, curve }, f64::INFINITY, f64::INFINITY);
     // The price of no meaning is the highest: last.
-    for ((scale, offset), price) in known.chain([((a, b), PRICE_OF_ANY)]) {
-        let price = price * price_of_curve;
+    for (scale, offset) in KNOWN.into_iter().chain([(a, b)]) {
+        let price = price(Encoding { scale, offset, curve });
         let most = best.2.min(limit) / price - floor;
         if least(scale, offset) > most {
             continue;

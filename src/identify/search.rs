@@ -14,7 +14,7 @@ use std::sync::Arc;
 const COARSE: [usize; 3] = [24, 9, 6];
 
 /// Every way to let the dimensions vary parameters, each one of its own; `None` where the master has too few or too many.
-fn assignments(n_dimensions: usize, n_parameters: usize) -> Vec<Vec<usize>> {
+pub(super) fn assignments(n_dimensions: usize, n_parameters: usize) -> Vec<Vec<usize>> {
     // With a parameter too many, its last is fixed: the index, the colour.
     if n_parameters < n_dimensions || n_parameters > n_dimensions + 1 || (n_dimensions == 1 && n_parameters == 2) {
         return vec![];
@@ -205,17 +205,17 @@ fn try_all(
         TrialValues { channel: *c, curve: *curve, values: sorted, sums }
     });
     let mut trial = Trial {
-        lookups: &lookups,
         values: values.collect(),
         floors: channels.iter().map(|data| MASTER_ERROR + data.rounding).collect(),
-        chosen: vec![0; nodes.len()],
         limits,
         best: vec![vec![]; channels.len()],
         squares: vec![],
     };
     let sizes: Vec<usize> = nodes.iter().map(|a| a.size).collect();
     for quantity in 0..master.definition.quantities().len() {
-        trial.look_up(quantity, nodes.len(), &master.plane(quantity), &sizes);
+        each_prediction(&lookups, &master.plane(quantity), &sizes, &mut |chosen, predicted| {
+            trial.judge(quantity, chosen, predicted);
+        });
     }
     let hypothesis = |found: &Found| Hypothesis {
         master: Arc::clone(master),
@@ -228,6 +228,31 @@ fn try_all(
     };
     let best = trial.best.iter().enumerate();
     best.flat_map(|(c, list)| list.iter().map(move |found| (c, found.cost, hypothesis(found)))).collect()
+}
+
+/// What is said of the numbers that a combination of ramps predicts: which of each parameter, and the predictions.
+pub(super) type Visit<'a> = dyn FnMut(&[usize], &[f64]) + 'a;
+
+/// Looks up a plane of so many nodes along each parameter by every combination of what may be looked up along each: what combinations have
+/// in common is looked up once.
+pub(super) fn each_prediction(lookups: &[Vec<Vec<Taps>>], plane: &[f64], sizes: &[usize], visit: &mut Visit) {
+    fn descend(
+        lookups: &[Vec<Vec<Taps>>],
+        left: usize,
+        plane: &[f64],
+        sizes: &[usize],
+        chosen: &mut [usize],
+        visit: &mut Visit,
+    ) {
+        let Some(p) = left.checked_sub(1) else { return visit(chosen, plane) };
+        let mut shrunk = sizes.to_vec();
+        for (ramp, taps) in lookups[p].iter().enumerate() {
+            chosen[p] = ramp;
+            shrunk[p] = taps.len();
+            descend(lookups, p, &along(plane, sizes, p, taps), &shrunk, chosen, visit);
+        }
+    }
+    descend(lookups, lookups.len(), plane, sizes, &mut vec![0; lookups.len()], visit);
 }
 
 /// What fits a channel well, by numbers.
@@ -252,31 +277,16 @@ struct TrialValues {
 
 /// One master, of which every combination of ramps is tried.
 struct Trial<'a> {
-    lookups: &'a [Vec<Vec<Taps>>],
     values: Vec<TrialValues>,
     floors: Vec<f64>,
     /// What a hypothesis of each channel may cost.
     limits: &'a [f64],
-    chosen: Vec<usize>,
     best: Vec<Vec<Found>>,
     squares: Vec<f64>,
 }
 
 impl Trial<'_> {
-    /// Looks up the last of the first `left` parameters in every way, and then those before it: what combinations have in common is
-    /// looked up once.
-    fn look_up(&mut self, quantity: usize, left: usize, plane: &[f64], sizes: &[usize]) {
-        let Some(p) = left.checked_sub(1) else { return self.judge(quantity, plane) };
-        let lookups = self.lookups;
-        for (ramp, taps) in lookups[p].iter().enumerate() {
-            self.chosen[p] = ramp;
-            let mut shrunk = sizes.to_vec();
-            shrunk[p] = taps.len();
-            self.look_up(quantity, p, &along(plane, sizes, p, taps), &shrunk);
-        }
-    }
-
-    fn judge(&mut self, quantity: usize, predicted: &[f64]) {
+    fn judge(&mut self, quantity: usize, chosen: &[usize], predicted: &[f64]) {
         let own = (sum(predicted, predicted, |p, _| p), sum(predicted, predicted, |p, _| p * p));
         for TrialValues { channel: c, curve, values, sums } in &self.values {
             let list = &mut self.best[*c];
@@ -286,7 +296,7 @@ impl Trial<'_> {
                 encoding(values, predicted, *curve, &sums, self.floors[*c], limit, &mut self.squares);
             if cost <= limit {
                 let at = list.partition_point(|known| known.cost < cost);
-                list.insert(at, Found { cost, quantity, chosen: self.chosen.clone(), encoding, residual });
+                list.insert(at, Found { cost, quantity, chosen: chosen.to_vec(), encoding, residual });
                 list.truncate(KEPT);
             }
         }

@@ -174,14 +174,14 @@ fn tables_over_one_and_two_axes_pass_as_somebody_elses_and_are_named() {
         case("fresnel-dielectric", "mu:32:sqrt,eta:32:1..3", "dds:b10g11r11"),
         // A common exponent, and one that another channel sets.
         Case { channels: &BRIGHT, ..case("charlie-albedo", "mu:32,roughness:32", "dds:rgb9e5") },
-        // Four bytes, whose fourth varies; and where it does not.
-        case("fresnel-dielectric", "mu:32,eta:32:1..3:edge", "ktx2:rgbm"),
+        // Four bytes, whose fourth varies, as those of RGBD and RGBM below; and where it does not.
         Case { channels: &BRIGHT, ..case("charlie-albedo", "mu:16,roughness:16", "ktx2:rgbp") },
+        Case { encoding: " (stored as its square root)", ..case("ggx-albedo-avg", "roughness:8:sqrt", "ktx2:rgbp") },
         Case {
-            encoding: " (stored as its square root)",
-            ..case("fresnel-dielectric", "mu:32,eta:32:1..3", "ktx2:rgbp")
+            model: smith(Smith::Separable),
+            encoding: " (stored to the power 1/2.2)",
+            ..case("ggx-albedo-avg", "roughness:64:log+0.05", "ktx2:rgbd")
         },
-        Case { encoding: " (stored to the power 1/2.2)", ..case("ggx-f82", "mu:32,roughness:32", "png:rgbd") },
         // Blocks that a table's channels do not fit: which masking it is, they do not keep.
         Case { sure: Confidence::Possible, ..case("ggx-f82", "mu:32,roughness:32", "ktx2:bc6h") },
         // Models.
