@@ -14,7 +14,8 @@ use glam::DVec3;
 const STEP: f64 = 1.27;
 /// The narrowest that is tried.
 const NARROWEST: f64 = 0.012;
-/// Sheens narrower than this take seconds each: they are tried where the narrowest of the wider ones fits better than any other kernel.
+/// Sheens narrower than this take seconds each. They, and what is narrower than a texel, are tried where the narrowest of the wider ones fits
+/// better than any other kernel.
 const SLOW_SHEEN: f64 = 0.1;
 /// Texels of a level that its width is fitted to.
 const SAMPLES: usize = 768;
@@ -67,19 +68,20 @@ impl Best {
 impl Fitting<'_> {
     /// Says of every level what fits it, and of the chain whose kernel that is.
     pub(super) fn fit(&self, question: &Question, verdict: &mut Verdict) {
-        // A kernel of alpha 1/size is as wide as a texel: what is narrower looks like the source itself.
-        let narrowest = NARROWEST.max(1.0 / self.levels[0].size.max(2) as f64);
-        let n = ((1.0 / narrowest).ln() / STEP.ln()).ceil() as usize;
-        let alphas: Vec<f64> = (0..=n).map(|i| (narrowest.ln() * (1.0 - i as f64 / n as f64)).exp()).collect();
+        let n = ((1.0 / NARROWEST).ln() / STEP.ln()).ceil() as usize;
+        let alphas: Vec<f64> = (0..=n).map(|i| (NARROWEST.ln() * (1.0 - i as f64 / n as f64)).exp()).collect();
+        // A kernel of alpha 1/size is as wide as a texel: what is narrower, and takes longer, is mostly the source itself.
+        let of_texels = 1.0 / self.levels[0].size.max(2) as f64;
         let kinds: Vec<KernelKind> = question.kernel.map_or(KernelKind::ALL.to_vec(), |kind| vec![kind]);
         let first = usize::from(verdict.against_itself);
         // Fits of every level by every kind.
         let mut fits: Vec<Vec<Best>> = vec![];
         for &kind in &kinds {
             let quick = match kind {
-                KernelKind::Charlie => alphas.partition_point(|&alpha| alpha < SLOW_SHEEN).min(n),
-                KernelKind::Nol | KernelKind::G1 => 0,
+                KernelKind::Charlie => of_texels.max(SLOW_SHEEN),
+                KernelKind::Nol | KernelKind::G1 => of_texels,
             };
+            let quick = alphas.partition_point(|&alpha| alpha < quick).min(n);
             let mut fit = self.best_widths(kind, &alphas[quick..]);
             let may_be_narrower = |(m, best): (usize, &Best)| {
                 let narrowest = best.alpha > 0.0 && best.alpha < 1.001 * alphas[quick];

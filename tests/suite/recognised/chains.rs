@@ -50,9 +50,13 @@ fn recipe(row: &[usize]) -> Option<EnvironmentRecipe> {
     recipe.check().ok().map(|()| recipe)
 }
 
-/// The levels of what the recipe bakes, without its certificate, in `format`.
-fn levels(recipe: &EnvironmentRecipe, source: &bake::Source) -> Vec<SphereMap> {
-    let baked = bake::environment(recipe, source, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", name(recipe)));
+/// The levels of what the recipe bakes, without its certificate; nothing where its format has no room for the light.
+fn levels(recipe: &EnvironmentRecipe, source: &bake::Source) -> Option<Vec<SphereMap>> {
+    let baked = match bake::environment(recipe, source, &|_| {}) {
+        Ok(baked) => baked,
+        Err(kiln::Error::Usage(_)) => return None,
+        Err(error) => panic!("{}: {error}", name(recipe)),
+    };
     let wanted = recipe.specular_name();
     let (_, bytes) = baked.files.iter().find(|(path, _)| path.ends_with(&wanted)).unwrap();
     let content = match decode(bytes).unwrap() {
@@ -62,7 +66,7 @@ fn levels(recipe: &EnvironmentRecipe, source: &bake::Source) -> Vec<SphereMap> {
         }
         other => other,
     };
-    levels_of(&content).unwrap_or_else(|e| panic!("{}: {e}", name(recipe)))
+    Some(levels_of(&content).unwrap_or_else(|e| panic!("{}: {e}", name(recipe))))
 }
 
 fn name(recipe: &EnvironmentRecipe) -> String {
@@ -84,12 +88,12 @@ fn rounding(packed: &[SphereMap], exact: &[SphereMap], source: &Panorama) -> f64
     packed.iter().zip(exact).map(of_level).fold(0.0, f64::max)
 }
 
-/// What is wrong with what the judge says.
-fn judged(recipe: &EnvironmentRecipe, source: &bake::Source) -> Vec<String> {
+/// What is wrong with what the judge says; nothing of what cannot be baked.
+fn judged(recipe: &EnvironmentRecipe, source: &bake::Source) -> Option<Vec<String>> {
     let mut wrong = vec![];
-    let packed = levels(recipe, source);
+    let packed = levels(recipe, source)?;
     let exact_format = if recipe.layout == SphereLayout::Atlas { ATLAS } else { "ktx2:rgba32f" };
-    let exact = levels(&EnvironmentRecipe { format: exact_format.parse().unwrap(), ..recipe.clone() }, source);
+    let exact = levels(&EnvironmentRecipe { format: exact_format.parse().unwrap(), ..recipe.clone() }, source)?;
     let rounding = rounding(&packed, &exact, &source.panorama);
     let verdict = judge_maps(&packed, &Question { source: Some(&source.panorama), ..Question::default() }).unwrap();
     let turn = verdict.orientation.as_ref().and_then(|found| found.turn).map(|turn| turn.orientation());
@@ -124,7 +128,7 @@ fn judged(recipe: &EnvironmentRecipe, source: &bake::Source) -> Vec<String> {
     };
     let failed = judge_maps(&packed, &claimed).unwrap().checks.into_iter().filter(|check| !check.passed);
     wrong.extend(failed.map(|c| format!("{} of {}: {:.2e}, at most {:.2e}", c.name, c.subject, c.figure, c.limit)));
-    wrong
+    Some(wrong)
 }
 
 /// Judges every pair of choices.
@@ -143,14 +147,21 @@ pub fn run() {
     let rows = covering(&sizes, &admits, &|_, _, _, _| true);
     let recipes: Vec<EnvironmentRecipe> = rows.iter().filter_map(|row| recipe(row)).collect();
     let source = bake::source(&recipes[0]).unwrap();
-    let mut failed = 0;
-    for recipe in &recipes {
-        let wrong = judged(recipe, &source);
-        if !wrong.is_empty() {
-            eprintln!("WRONG: {}: {}", name(recipe), wrong.join("; "));
-            failed += 1;
+    let (mut failed, mut no_room) = (0, 0);
+    for (i, recipe) in recipes.iter().enumerate() {
+        match judged(recipe, &source) {
+            None => {
+                no_room += 1;
+                eprintln!("{i}: no room for its light: {}", name(recipe));
+            }
+            Some(wrong) if wrong.is_empty() => {}
+            Some(wrong) => {
+                failed += 1;
+                eprintln!("{i}: WRONG: {}: {}", name(recipe), wrong.join("; "));
+            }
         }
     }
-    eprintln!("{} chains in {:.0} s; {failed} wrong", recipes.len(), begin.elapsed().as_secs_f64());
+    let seconds = begin.elapsed().as_secs_f64();
+    eprintln!("{} chains in {seconds:.0} s; {no_room} without room for their light; {failed} wrong", recipes.len());
     assert_eq!(failed, 0, "so many of {} chains are not recognised", recipes.len());
 }
