@@ -3,10 +3,12 @@
 //! A tolerance is in units of the last place of what the files store (the coarser of the two counts), or relative to the larger of
 //! the two values.
 
+use crate::certificate;
 use crate::error::{Error, Result};
-use crate::format::grid::{GridChannel, Stored};
+use crate::format::grid::{self, Described, GridChannel, Stored};
 use crate::format::{Grid, Image};
 use serde::Serialize;
+use std::path::Path;
 use std::str::FromStr;
 
 /// By how much two values may differ.
@@ -54,6 +56,21 @@ impl FromStr for Tolerance {
             number(text).map(Self::Absolute)
         }
     }
+}
+
+/// The levels of the file at `path`, to be compared: [`grid::levels`], and of bare texels that nothing is `described` of what the certificate
+/// beside them says.
+///
+/// **Errors**: those of [`grid::levels`] and of [`certificate::bare_texture`].
+pub fn levels(path: &Path, described: &Described) -> Result<Vec<Grid>> {
+    if described.shape.is_none() && described.number.is_none() {
+        let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+        let bare = certificate::bare_texture(path, &bytes).map_err(|e| e.in_file(path))?;
+        if let Some(texture) = bare {
+            return grid::levels_of(&texture, "bare texels", described).map_err(|e| e.in_file(path));
+        }
+    }
+    grid::levels(path, described)
 }
 
 /// How one channel of one level differs.

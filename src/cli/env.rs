@@ -259,7 +259,7 @@ impl Env {
     }
 
     /// The preset's recipe or the usual one, where flags beat what was there.
-    fn recipe(&self, input: &str, console: &Console) -> Result<EnvironmentRecipe> {
+    pub(super) fn recipe(&self, input: &str, console: &Console) -> Result<EnvironmentRecipe> {
         let (engine, as_shipped) = (self.engine.engine()?, self.engine.as_shipped);
         let mut recipe = match engine {
             None => EnvironmentRecipe::new(input),
@@ -450,10 +450,21 @@ pub fn bake_environment(
         levels.join(", "),
         baked.certificate.checks.len()
     ));
+    let maps = [Some((recipe.format, recipe.size)), irradiance_of(recipe)];
+    for (format, size) in maps.into_iter().flatten() {
+        if let Some(warning) = format.size_warning(recipe.layout.shape(size).0) {
+            console.warn(&format!("{}: {warning}", target.display()));
+        }
+    }
     let brightest = source.panorama.max().into_iter().fold(0.0, |most: f32, v| most.max(v)).into();
     let packed = Packed::Maps { layout: recipe.layout, adjust: &recipe.adjust, brightest };
     warn_of_packing(console, &target.display().to_string(), recipe.format, packed, &baked.certificate.packing)?;
     Ok(baked.certificate)
+}
+
+/// The format and size of the irradiance map, where there is one.
+fn irradiance_of(recipe: &EnvironmentRecipe) -> Option<(FormatSpec, usize)> {
+    (recipe.irradiance == IrradianceKind::Cube).then(|| (recipe.format_of_irradiance(), recipe.irradiance_size))
 }
 
 /// What fitting did to the levels.

@@ -84,8 +84,11 @@ impl Info {
 
 fn facts(path: &Path, unit: Unit) -> Result<Facts> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-    let kind = FileKind::of(&bytes).name();
-    let mut facts = match decode(&bytes)? {
+    let (kind, decoded) = match certificate::bare_texture(path, &bytes)? {
+        Some(texture) => ("bare texels of", Decoded::Texture(texture)),
+        None => (FileKind::of(&bytes).name(), decode(&bytes)?),
+    };
+    let mut facts = match decoded {
         Decoded::Picture(image, _) => of_image(path, kind, image, unit),
         Decoded::Texture(texture) => of_texture(path, kind, texture),
         Decoded::Array(array) => of_array(path, kind, array),

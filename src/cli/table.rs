@@ -71,7 +71,7 @@ impl Table {
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
-    fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
+    pub(super) fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
         let preset = match self.engine.engine()? {
             Some(engine) => Some((engine, engine.table(&self.name)?)),
             None => None,
@@ -235,6 +235,10 @@ fn report(console: &Console, certificate: &Certificate, recipe: &TableRecipe, pa
         let [rms, max] = [0, 1].map(|i| format!("{:.1e} instead of {:.1e}", after[i], before[i]));
         let fate = if fit.kept { "" } else { "; exact texels are kept" };
         console.note(&format!("{channel} through bilinear filtering: RMS {rms}, at most {max}{fate}"));
+    }
+    let [width, height, _] = recipe.arrangement()?.size;
+    if let Some(warning) = recipe.format.size_warning([width, height]) {
+        console.warn(&format!("{}: {warning}", path.display()));
     }
     let packed = Packed::Table(recipe.channels.len());
     warn_of_packing(console, &path.display().to_string(), recipe.format, packed, &certificate.packing)
