@@ -16,7 +16,7 @@ use std::path::PathBuf;
                   flag says what becomes of them."
 )]
 pub struct Convert {
-    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, source code that it wrote, or .raw beside its certificate
     input: PathBuf,
     /// File to write
     output: PathBuf,

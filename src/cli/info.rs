@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Say what a file is: size, format, values, and where it came from
 #[derive(Debug, Args)]
 pub struct Info {
-    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, source code that it wrote, or .raw beside its certificate
     #[arg(required = true)]
     files: Vec<PathBuf>,
     #[command(flatten)]

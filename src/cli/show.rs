@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// Draw a preview of a table, panorama or cube as PNG, to look at
 #[derive(Debug, Args)]
 pub struct Show {
-    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, source code that it wrote, or .raw beside its certificate
     file: PathBuf,
     /// PNG file to write
     #[arg(long, short, value_name = "FILE.png")]
