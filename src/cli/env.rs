@@ -1,7 +1,7 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs};
+use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs, no_own_numbers};
 use super::console::Console;
 use super::packing::{Packed, warn_of_packing};
 use clap::{Args, ValueEnum};
@@ -260,7 +260,7 @@ impl Env {
 
     /// The preset's recipe or the usual one, where flags beat what was there.
     pub(super) fn recipe(&self, input: &str, console: &Console) -> Result<EnvironmentRecipe> {
-        let (engine, as_shipped) = (self.engine.engine()?, self.engine.as_shipped);
+        let (engine, as_shipped) = (self.engine.engine(console)?, self.engine.as_shipped);
         let mut recipe = match engine {
             None => EnvironmentRecipe::new(input),
             Some(engine) => engine.environment_recipe(input, as_shipped)?.ok_or_else(|| {
@@ -345,6 +345,9 @@ impl Env {
         recipe.integration = self.integration.over(recipe.integration);
         recipe.adjust = self.adjust.adjustment();
         if let Some(engine) = engine {
+            if as_shipped && engine.environment.as_ref().is_some_and(|preset| preset.as_shipped.is_none()) {
+                console.warn(&no_own_numbers(&format!("{}'s environment", engine.name)));
+            }
             for departure in engine.environment_departures(&recipe, as_shipped)? {
                 console.warn(&departure);
             }

@@ -1,6 +1,8 @@
 //! `kiln table`: one table.
 
-use super::arguments::{Channels, EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
+use super::arguments::{
+    Channels, EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs, no_own_numbers,
+};
 use super::console::Console;
 use super::packing::{Packed, warn_of_packing};
 use clap::Args;
@@ -72,7 +74,7 @@ impl Table {
     }
 
     pub(super) fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
-        let preset = match self.engine.engine()? {
+        let preset = match self.engine.engine(console)? {
             Some(engine) => Some((engine, engine.table(&self.name)?)),
             None => None,
         };
@@ -102,6 +104,9 @@ impl Table {
         recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
         if let Some((engine, table)) = preset {
+            if self.engine.as_shipped && table.as_shipped.is_none() {
+                console.warn(&no_own_numbers(&format!("{}'s {}", engine.name, table.name)));
+            }
             for departure in engine.table_departures(table, &recipe, self.engine.as_shipped)? {
                 console.warn(&departure);
             }

@@ -231,6 +231,12 @@ impl Engine {
         self.sources.is_empty()
     }
 
+    /// Whether numbers of its own are known that differ from the right ones.
+    pub fn has_own_numbers(&self) -> bool {
+        let of_environment = self.environment.as_ref().is_some_and(|preset| preset.as_shipped.is_some());
+        of_environment || self.tables.iter().any(|table| table.as_shipped.is_some())
+    }
+
     /// The engine's table that `kiln table NAME` means.
     ///
     /// **Errors**: the engine has none of that name; the message lists what it has.

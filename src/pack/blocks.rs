@@ -32,6 +32,9 @@ pub fn brightest(width: usize, height: usize, values: &[f32]) -> Vec<f64> {
     brightest
 }
 
+/// What gives the values that a picture's blocks hold.
+type Unpack<'a> = &'a dyn Fn(&[u8]) -> Vec<f32>;
+
 /// The blocks of a picture of three values per texel, row by row, and what that changed; nothing from no texels.
 ///
 /// Values are brought into 0..=`largest` first and counted; `compress` makes the blocks of a picture's texels, `unpack` its values again, and
@@ -42,7 +45,7 @@ pub(super) fn pack<T: Copy + Into<f64>>(
     largest: f64,
     compress: impl Fn(&[[f64; 3]]) -> Vec<u8>,
     unpack: impl Fn(&[u8]) -> Vec<f32>,
-    transcoded: Option<&dyn Fn(&[u8]) -> Vec<f32>>,
+    transcoded: Option<Unpack>,
 ) -> (Vec<u8>, PackReport) {
     let mut report = PackReport::default();
     if width * height == 0 || values.len() < 3 * width * height {

@@ -430,6 +430,7 @@ fn a_preset_combined_with_flags_that_break_it_warns() {
     assert!(!table(&[]).contains("warning"));
     assert!(table(&["--smith", "separable"]).contains("warning: bevy reads masking correlated"));
     assert!(table(&["--axes", "mu,roughness:flip", "--size", "8"][..2]).contains("warning: bevy reads axes"));
+    assert!(table(&["--as-shipped"]).contains("warning: --as-shipped: no numbers of its own are known of bevy's dfg"));
     assert!(table(&["--format", "ktx2:rgba16f"]).contains("warning: bevy reads format ktx2:rg16f+zstd"));
     let env = |more: &[&str]| {
         let arguments =

@@ -10,10 +10,12 @@ use kiln::certificate::Certificate;
 use kiln::environment::Orientation;
 use kiln::environment::spherical_harmonics::SphericalHarmonics;
 use kiln::format::{Decoded, decode};
+use kiln::integrate::quadrature::ggx_reflection;
 use kiln::integrate::{Integration, Settings};
 use kiln::language::Language;
 use kiln::math::expression::Expression;
 use kiln::math::warp::Warp;
+use kiln::model::fresnel::f82_tint;
 use kiln::recipe::{EnvironmentRecipe, TableRecipe};
 use kiln::shader::{Shader, level_of_roughness};
 use kiln::table::named::TABLES;
@@ -292,6 +294,7 @@ fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
             let kind = match texture.kind {
                 "2d" | "panorama" => "2D",
                 "3d" => "3D",
+                "array" => "2DArray",
                 _ => "Cube",
             };
             samplers += &format!("uniform highp sampler{kind} {};\n", texture.name);
@@ -521,6 +524,30 @@ fn tables() -> Vec<(&'static str, TableRecipe)> {
     ]
 }
 
+/// A table of two channels as the middle one of three layers, of which the others hold nothing.
+fn as_a_layer(baked: &Baked, points: Vec<[f32; 4]>) -> Case {
+    let certificate = Certificate { layer: Some(1), ..baked.certificate.clone() };
+    let shader = Shader::of_table("layer", &certificate).unwrap();
+    let ([width, height, _], bytes) = &baked.textures[0].levels[0];
+    let nothing = vec![0; bytes.len()];
+    let [x, y] = [0, 1].map(|i| fields_of(&shader)[i].clone());
+    Case {
+        name: "layer".to_owned(),
+        code: format!(
+            "{}vec4 find(vec4 p) {{ layer_values v = layer_lookup(table, p.x, p.y); return vec4(v.{x}, v.{y}, 0.0, 0.0); }}\n",
+            shader.to_text(Language::Glsl)
+        ),
+        value: "find(p)".to_owned(),
+        points,
+        textures: vec![Texture {
+            name: "table".to_owned(),
+            kind: "array",
+            format: baked.textures[0].format.clone(),
+            levels: vec![([*width, *height, 3], [&nothing, bytes, &nothing].map(Vec::as_slice).concat())],
+        }],
+    }
+}
+
 #[test]
 fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
     let mut cases = vec![];
@@ -561,10 +588,14 @@ fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
                 textures: textures.collect(),
             });
         }
+        if name == "half" {
+            cases.push(as_a_layer(&baked, points.clone()));
+        }
         baked.textures.clear();
         all.push((name, baked, points));
     }
     let Some(found) = run(&cases) else { return };
+    assert_eq!(found["layer"], found["half0"], "the same as a layer of an array");
     let by_tolerance = Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).unwrap();
     let mut known = HashMap::new();
     for (name, baked, points) in &all {
@@ -666,15 +697,38 @@ fn compensation_in_the_shader_is_the_compensation_of_the_library() {
         + "vec4 find(vec4 p) {\n    dfg_values v = dfg_lookup(table, p.x, p.y);\n    vec3 f0 = vec3(p.z);\n    float r = \
            dfg_reflectance(v, f0).x;\n    return vec4(r, r + dfg_kulla_conty(v, p.w, f0).x, r * dfg_turquin(v, f0).x, \
            dfg_fdez_aguera(v, f0).x);\n}\n";
-    let Some(found) = run(&[Case {
-        name: "energy".to_owned(),
+    let case = |name: &str, code, points: &Vec<[f32; 4]>, textures| Case {
+        name: name.to_owned(),
         code,
         value: "find(p)".to_owned(),
         points: points.clone(),
-        textures: baked.textures,
-    }]) else {
-        return;
+        textures,
     };
+    // Of metals, with what the F82 tint takes.
+    let metal = bake("metal", &recipe(&["ggx.scale", "ggx.bias", "ggx.f82"], &axes, "exr:f32", None));
+    let of_metals: Vec<[f32; 4]> = points.iter().map(|p| [p[0], p[1], p[2], random.unit() as f32]).collect();
+    let find_metal = "vec4 find(vec4 p) { metal_values v = metal_lookup(table, p.x, p.y); return vec4(metal_metal_reflectance(v, \
+                      vec3(p.z), vec3(p.w)), 1.0); }\n";
+    let cases = [
+        case("energy", code, &points, baked.textures),
+        case("metal", metal.shader.to_text(Language::Glsl) + find_metal, &of_metals, metal.textures),
+    ];
+    let Some(found) = run(&cases) else { return };
+    for (point, found) in of_metals.iter().zip(&found["metal"]) {
+        let [mu, roughness, f0, f82] = point.map(f64::from);
+        // The tinted reflectance itself, integrated.
+        let smith = baked.spec.model.smith;
+        let [wanted] = ggx_reflection(mu, roughness * roughness, smith, 1e-9, |cosine| [f82_tint(f0, f82, cosine)]);
+        // As below; the tint's factor is at most 1/dip(1/7) < 18, of what is at most 1/18.
+        let tolerance = 8.0 * 8.0 * ULP + 48.0 * ULP + 2e-7;
+        for got in &found[..3] {
+            assert!(
+                (f64::from(*got) - wanted.value).abs() <= tolerance,
+                "{point:?}: got {got}, wanted {}",
+                wanted.value
+            );
+        }
+    }
     for (point, found) in points.iter().zip(&found["energy"]) {
         for (got, name) in found.iter().zip(["none", "kulla-conty-squared", "turquin", "fdez-aguera"]) {
             let wanted = exact(&format!("compensation.{name}"), point);
@@ -756,10 +810,17 @@ fn irradiance_is_read_from_where_it_is_and_unpacked_as_it_is_packed() {
     let shared = EnvironmentRecipe { format: env(), irradiance_format: Some(env()), ..base() };
     let last = EnvironmentRecipe { irradiance: IrradianceKind::LastLevel, ..base() };
     let sh = EnvironmentRecipe { irradiance: IrradianceKind::Sh, ..base() };
+    let packed = |format: &str| EnvironmentRecipe {
+        format: format.parse().unwrap(),
+        irradiance_format: format.parse().ok(),
+        ..base()
+    };
     let both = "vec4(sky_irradiance(irradiance, p.xyz).xy, sky_specular(specular, p.xyz, 0.0).xy)";
     let cases = [
         case("own", own, both, vec![codes("irradiance"), codes("specular")]),
         case("shared", shared, both, vec![codes("irradiance"), codes("specular")]),
+        case("rgbm", packed("ktx2:rgbm"), both, vec![codes("irradiance"), codes("specular")]),
+        case("rgbp", packed("ktx2:rgbp"), both, vec![codes("irradiance"), codes("specular")]),
         case("last", last, "vec4(sky_irradiance(specular, p.xyz), 1.0)", vec![codes("specular")]),
         case("sh", sh, "vec4(sky_irradiance(p.xyz) - sky_sh(p.xyz), 1.0)", vec![]),
     ];
@@ -770,6 +831,9 @@ fn irradiance_is_read_from_where_it_is_and_unpacked_as_it_is_packed() {
     for (name, wanted) in [
         ("own", [0.5, 0.25, half, quarter]),
         ("shared", [half, quarter, half, quarter]),
+        // Of a factor of 1: the squares of 8 times the codes, and of the codes.
+        ("rgbm", [16.0, 4.0, 16.0, 4.0]),
+        ("rgbp", [0.25, 0.0625, 0.25, 0.0625]),
         ("last", [0.5, 0.25, 2.0, 1.0]),
         ("sh", [0.0, 0.0, 0.0, 1.0]),
     ] {
@@ -777,7 +841,10 @@ fn irradiance_is_read_from_where_it_is_and_unpacked_as_it_is_packed() {
             for c in 0..4 {
                 // Powers of 2.2 of numbers from 1/4 on: 3 + 2 · 4.4 ulp and those of the logarithm.
                 let error = (f64::from(found[c]) - wanted[c]).abs();
-                assert!(error <= 32.0 * ULP, "{name} towards {point:?}: {found:?}, wanted {wanted:?}");
+                assert!(
+                    error <= 32.0 * ULP * wanted[c].max(1.0),
+                    "{name} towards {point:?}: {found:?}, wanted {wanted:?}"
+                );
             }
         }
     }
@@ -808,13 +875,14 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
             points: points.clone(),
             textures: vec![cube(&sizes, |_, level| [level as f32; 3])],
         });
-        cases.push(Case {
-            name: format!("{name}_sh"),
-            code,
-            value: format!("vec4({name}_sh(p.xyz), 1.0)"),
-            points,
-            textures: vec![],
-        });
+        // Written in, or handed over, of which the application chooses which.
+        let value = if i == 0 {
+            let given = SH.irradiance_over_pi.map(|[r, g, b]| format!("vec3({r:?}, {g:?}, {b:?})")).join(", ");
+            format!("vec4({name}_sh_of(vec3[9]({given}), p.xyz), 1.0)")
+        } else {
+            format!("vec4({name}_sh(p.xyz), 1.0)")
+        };
+        cases.push(Case { name: format!("{name}_sh"), code, value, points, textures: vec![] });
     }
     let size = 64;
     let points: Vec<[f32; 4]> = (0..4 * POINTS)
@@ -857,7 +925,7 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
             );
         }
         let case = &cases[2 * i + 1];
-        let sh = SH.irradiance_over_pi_nonnegative;
+        let sh = if i == 0 { SH.irradiance_over_pi } else { SH.irradiance_over_pi_nonnegative };
         let scale: f64 = sh.as_flattened().iter().map(|c| c.abs()).sum();
         for (point, found) in case.points.iter().zip(&found[&case.name]) {
             let [x, y, z, _] = point.map(f64::from);
