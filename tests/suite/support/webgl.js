@@ -1,6 +1,6 @@
 // Evaluates GLSL at points: one row of the framebuffer per case, floats in and floats out.
 //
-// cases.json: { cases: [{ name, fragment, points, n, textures: [{ name, kind, format, levels: [{ size, file }] }] }] }
+// (webgpu.js follows, in the same module.) cases.json: { cases: [{ name, fragment, compute, points, n, textures: [{ name, kind, format, levels: [{ size, file }] }] }] }
 const canvas = document.createElement('canvas');
 const gl = canvas.getContext('webgl2');
 if (!gl || !gl.getExtension('EXT_color_buffer_float') || !gl.getExtension('OES_texture_float_linear')) {
@@ -91,4 +91,3 @@ for (const one of cases) {
     if (gl.getError()) throw new Error('WebGL error in ' + one.name);
     await post(one.name, found);
 }
-await done();
