@@ -19,6 +19,7 @@ use crate::recipe::EnvironmentRecipe;
 use crate::recipe::map_texel;
 use crate::table::Progress;
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -201,8 +202,11 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     recipe.check()?;
     let Source { panorama, adjusted, .. } = source;
     let truth = FullSum::new(panorama);
-    let (specular, irradiance) = filter(recipe, panorama, &truth, progress)?;
-    let harmonics = spherical_harmonics::project(panorama);
+    let (filtered, (harmonics, input)) = rayon::join(
+        || filter(recipe, panorama, &truth, progress),
+        || (spherical_harmonics::project(panorama), input(source)),
+    );
+    let (specular, irradiance) = filtered?;
     let judge = |function: &dyn Fn(DVec3) -> [f64; 3]| {
         spherical_harmonics::judge_map(function, &irradiance.0, &recipe.orientation)
     };
@@ -231,7 +235,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     // The same function would make the same average again.
     let average = specular.first().filter(|(_, report)| report.roughness == 0.0).map(|(map, _)| map);
     let sampled = specular.iter().chain([&irradiance]).any(|(_, report)| report.samples > 0);
-    let spread = if sampled { Spread::Over(WITNESS_POINTS) } else { Spread::Measured(WITNESS_POINTS / 4) };
+    let spread = if sampled { Spread::Over(WITNESS_POINTS) } else { Spread::Measured(WITNESS_POINTS / 8) };
     for cube in &cubes {
         let judged = cube.values(recipe)?;
         checks.extend(judged.facts(panorama.min().into_iter().any(|v| v < 0.0)));
@@ -249,7 +253,7 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         .chain(json_files.iter().map(|(name, bytes)| (name, certificate::digest([bytes.as_slice()]))));
     let certificate = Certificate {
         environment: Some(recipe.clone()),
-        input: Some(input(source)),
+        input: Some(input),
         files: digests.map(|(file, digest)| FileDigest { file: file.clone(), digest }).collect(),
         levels: cubes.iter().flat_map(Packed::certified).collect(),
         sh: Some(ShFits { projected: fit, nonnegative: fit_nonnegative, bands: fit_of_bands }),
@@ -304,12 +308,26 @@ impl Packed {
         let format = map_texel(self.format, map.layout)?;
         let n = format.channels();
         let ([width, height], _) = map.layout.shape(map.size);
-        let rgba: Vec<f32> = map.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
-        let (bytes, packed) = format.pack(width, height, &rgba);
-        let texels = format.unpack(width, height, &bytes).chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+        // Picture by picture, on all threads.
+        let pictures: Vec<_> = map
+            .texels
+            .par_chunks(width * height)
+            .map(|picture| {
+                let rgba: Vec<f32> = picture.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
+                let (bytes, packed) = format.pack(width, height, &rgba);
+                let seen = format.unpack(width, height, &bytes);
+                let texels: Vec<[f32; 3]> = seen.chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+                (bytes, texels, packed)
+            })
+            .collect();
+        let (mut bytes, mut texels) = (vec![], Vec::with_capacity(map.texels.len()));
+        for (of_picture, seen, packed) in pictures {
+            bytes.extend(of_picture);
+            texels.extend(seen);
+            self.packing = self.packing.merge(packed);
+        }
         let stored = SphereMap { texels, ..*map };
         let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
-        self.packing = self.packing.merge(packed);
         self.bytes.push(bytes);
         self.reports.push(found.clone());
         self.levels.push(CubeLevel {

@@ -2,8 +2,8 @@
 //!
 //! What a cube texel holds of each panorama texel follows from its edges (`coverage`); they are great circles, on which all is
 //! closed form (`overlap`). A quarter of one face beside the equator and a quarter of one at a pole are worked out; the others
-//! are their mirror images, because faces begin at quarters of a turn and rows mirror each other. All values are reduced by their mean
-//! first, so that a constant panorama comes out as exactly that.
+//! are their mirror images, because faces begin at quarters of a turn and rows mirror each other. Sums and the
+//! solid angles that they are divided by are off by some 1e-15: a constant panorama, rounded to f32, comes out as exactly that.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -27,8 +27,7 @@ fn average_by(panorama: &Panorama, size: usize, instructions: InstructionSet) ->
     // Columns are cut so that a quarter of a turn is a whole number of them.
     let cuts = [0, 2, 1, 2][width % 4];
     let grid = Grid::new(width << cuts, panorama.row_edges(), height);
-    let [r, g, b] = panorama.mean();
-    let map = Map { panorama, size, mean: [r, g, b, 0.0], range: [panorama.min(), panorama.max()], cuts };
+    let map = Map { panorama, size, range: [panorama.min(), panorama.max()], cuts };
     let quarter = Quarter::new(&grid, size);
     let mut texels = vec![[0.0f32; 3]; 6 * size * size];
     let mut rows: Vec<Option<&mut [[f32; 3]]>> = texels.chunks_exact_mut(size).map(Some).collect();
@@ -144,36 +143,34 @@ impl<'a> Quarter<'a> {
 /// What some texels hold of the panorama, one after the other.
 #[derive(Default)]
 struct List {
-    areas: Vec<f64>,
-    /// Areas that follow each other in a row: the row, the first column, and their number.
-    runs: Vec<[u32; 3]>,
-    texels: Vec<Held>,
+    parts: Vec<Held>,
+    /// Where each texel's parts end, and the sum of their areas.
+    texels: Vec<(usize, f64)>,
 }
 
-/// What one texel holds: its runs, its areas, and their sum.
+/// A part of a texel that lies in one texel of the grid: its area there.
 struct Held {
-    runs: Range<usize>,
-    areas: Range<usize>,
-    angle: f64,
+    area: f64,
+    row: u32,
+    column: u32,
 }
 
 impl List {
     fn clear(&mut self) {
-        self.areas.clear();
-        self.runs.clear();
+        self.parts.clear();
         self.texels.clear();
     }
 
     /// Adds what a border holds.
     #[inline(always)]
     fn push(&mut self, grid: &Grid, border: &mut Border) {
-        let (runs, areas) = (self.runs.len(), self.areas.len());
+        let first = self.parts.len();
         border.take(grid, |row, column, areas| {
-            self.areas.extend_from_slice(areas);
-            self.runs.push([row as u32, column as u32, areas.len() as u32]);
+            let held = |(i, &area): (usize, &f64)| Held { area, row: row as u32, column: (column + i) as u32 };
+            self.parts.extend(areas.iter().enumerate().map(held));
         });
-        let angle = self.areas[areas..].iter().sum();
-        self.texels.push(Held { runs: runs..self.runs.len(), areas: areas..self.areas.len(), angle });
+        let angle = self.parts[first..].iter().map(|part| part.area).sum();
+        self.texels.push((self.parts.len(), angle));
     }
 }
 
@@ -188,16 +185,14 @@ struct Map<'a> {
     panorama: &'a Panorama,
     /// Texels along an edge of a face.
     size: usize,
-    /// Three channels, and a fourth number.
-    mean: [f64; 4],
     /// An average lies between the extremes. The clamp only keeps rounding from making black negative beside a sun.
     range: [[f32; 3]; 2],
     /// The grid has 2^cuts columns for one of the panorama.
     cuts: u32,
 }
 
-/// A mirror image of what a list holds: where its column 0 begins, whether columns go down from there, and whether rows are counted from
-/// the south pole.
+/// A mirror image of what a list holds: where its column 0 begins, whether columns go down from there (to 0, or up to a turn), and whether
+/// rows are counted from the south pole.
 #[derive(Clone, Copy)]
 struct Image {
     first: usize,
@@ -205,43 +200,44 @@ struct Image {
     below: bool,
 }
 
+impl Image {
+    /// An image whose column 0 begins at `first`, a turn being `width`.
+    fn new(first: usize, turned: bool, below: bool, width: usize) -> Self {
+        let first = first % width;
+        Self { first: if turned && first == 0 { width } else { first }, turned, below }
+    }
+}
+
 impl Map<'_> {
-    /// Adds ∫ (f − mean) over images of some texels, of each its own sum; the fourth number means nothing. (All images at once: lists
-    /// are short, and where each ends is not foreseen by the processor.)
+    /// ∫ f over images of a texel; the fourth number means nothing. (All images at once: lists are short, and where each ends is not
+    /// foreseen by the processor.)
     #[inline(always)]
-    fn add<const N: usize>(&self, runs: &[[u32; 3]], mut areas: &[f64], images: [Image; N], sums: &mut [[f64; 4]; N]) {
+    fn sums<const M: usize>(&self, parts: &[Held], images: &[Image; M]) -> [[f64; 4]; M] {
         let (width, height) = (self.panorama.width(), self.panorama.height());
-        let columns = width << self.cuts;
-        for &[row, column, n] in runs {
-            let (row, column) = (row as usize, column as usize);
-            let mut starts = images.map(|image| {
-                let row = if image.below { height - 1 - row } else { row };
-                let column = if image.turned { image.first + columns - 1 - column } else { image.first + column };
-                (row * width, if column >= columns { column - columns } else { column })
-            });
-            let (here, rest) = areas.split_at(n as usize);
-            areas = rest;
-            for area in here {
-                for ((start, image), sum) in starts.iter_mut().zip(&images).zip(&mut *sums) {
-                    let texel = self.four(start.0 + (start.1 >> self.cuts));
-                    for c in 0..4 {
-                        sum[c] += area * (f64::from(texel[c]) - self.mean[c]);
-                    }
-                    // (The image of a quarter ends where a turn does.)
-                    start.1 = if image.turned { start.1.wrapping_sub(1) } else { start.1 + 1 };
+        let flat = self.panorama.texels().as_flattened();
+        let mut sums = [[0.0; 4]; M];
+        for part in parts {
+            let (row, column) = (part.row as usize, part.column as usize);
+            let rows = [row * width, (height - 1 - row) * width];
+            let texel_of = |image: &Image| {
+                let column = if image.turned { image.first - 1 - column } else { image.first + column };
+                3 * (rows[usize::from(image.below)] + (column >> self.cuts))
+            };
+            // (The last texel of the last row has no number after it. To ask for it everywhere would take more time than all the rest.)
+            if row > 0 {
+                for (image, sum) in images.iter().zip(&mut sums) {
+                    let at = texel_of(image);
+                    let four: &[f32; 4] = flat[at..at + 4].first_chunk().unwrap_or(&[0.0; 4]);
+                    (0..4).for_each(|c| sum[c] += part.area * f64::from(four[c]));
+                }
+            } else {
+                for (image, sum) in images.iter().zip(&mut sums) {
+                    let at = texel_of(image);
+                    (0..3).for_each(|c| sum[c] += part.area * f64::from(flat[at + c]));
                 }
             }
         }
-    }
-
-    /// A texel and a number more.
-    #[inline(always)]
-    fn four(&self, index: usize) -> [f32; 4] {
-        let flat = self.panorama.texels().as_flattened();
-        match flat[3 * index..].first_chunk() {
-            Some(four) => *four,
-            None => [flat[3 * index], flat[3 * index + 1], flat[3 * index + 2], 0.0],
-        }
+        sums
     }
 
     /// Fills some rows of all faces.
@@ -255,50 +251,56 @@ impl Map<'_> {
             // φ falls as u grows, y as v does.
             let faces = [0, 1, 4, 5];
             let firsts = faces.map(|face| ((CENTRES[face] + PI) / TAU * width as f64).round() as usize);
-            self.fill_faces(rows, faces, tile.clone(), list, |left, up| {
-                firsts.map(|first| Image { first, turned: !left, below: !up })
-            });
+            let side = |face: usize, left: bool, up: bool| Image::new(firsts[face], !left, !up, width);
+            self.fill_faces::<4, 16>(rows, faces, tile.clone(), list, side);
             list.clear();
             rows.iter().for_each(|row| quarter.at_pole(row.line, tile.clone(), border, list));
             // φ grows from u to v; seen from below, v is turned round.
-            self.fill_faces(rows, [2, 3], tile, list, |left, up| {
-                [false, true].map(|below| Image {
-                    first: if left { 0 } else { width / 2 },
-                    turned: left != (up != below),
-                    below,
-                })
-            });
+            let pole = |face: usize, left: bool, up: bool| {
+                let below = face == 1;
+                Image::new(if left { 0 } else { width / 2 }, left != (up != below), below, width)
+            };
+            self.fill_faces::<2, 8>(rows, [2, 3], tile, list, pole);
         }
     }
 
-    /// Fills some columns of some rows of faces that are alike; `images_of` says where each quarter of them lies, by whether u and v are
-    /// negative there.
+    /// Fills some columns of some rows of N faces that are alike, each of M/N quarters; `image_of` says where a quarter lies, by the
+    /// number of the face among these and whether u and v are negative there.
     #[inline(always)]
-    fn fill_faces<const N: usize>(
+    fn fill_faces<const N: usize, const M: usize>(
         &self,
         rows: &mut [Row],
         faces: [usize; N],
         pieces: Range<usize>,
         list: &List,
-        images_of: impl Fn(bool, bool) -> [Image; N],
+        image_of: impl Fn(usize, bool, bool) -> Image,
     ) {
+        let quarter_of = |left: bool, up: bool| 2 * usize::from(left) + usize::from(up);
+        let images: [Image; M] = std::array::from_fn(|i| image_of(i % N, i / N / 2 == 1, i / N % 2 == 1));
         let [low, high] = self.range;
+        let mut start = 0;
         for (row, held) in rows.iter_mut().zip(list.texels.chunks_exact(pieces.len())) {
-            for (piece, held) in pieces.clone().zip(held) {
-                let (runs, areas) = (&list.runs[held.runs.clone()], &list.areas[held.areas.clone()]);
-                for (column, left) in images(self.size, piece) {
+            for (piece, &(end, angle)) in pieces.clone().zip(held) {
+                let sums = self.sums(&list.parts[start..end], &images);
+                start = end;
+                // (Known to be unused, the fourth number would be left out, and with it the use of vectors of four.)
+                let sums = std::hint::black_box(sums);
+                for (column, left) in self::images(self.size, piece) {
                     for (signs, out) in row.signs.iter().zip(&mut row.out) {
-                        let mut sums = [[0.0; 4]; N];
-                        for (&left, &up) in left.iter().flat_map(|left| signs.iter().map(move |up| (left, up))) {
-                            self.add(runs, areas, images_of(left, up), &mut sums);
+                        let angle = angle * (left.len() * signs.len()) as f64;
+                        if left.is_empty() {
+                            continue;
                         }
-                        // (Known to be unused, the fourth number would be left out, and with it the use of vectors of four.)
-                        let sums = std::hint::black_box(sums);
-                        let angle = held.angle * (left.len() * signs.len()) as f64;
-                        for (face, sum) in faces.iter().zip(sums) {
-                            let average = |c: usize| ((self.mean[c] + sum[c] / angle) as f32).clamp(low[c], high[c]);
-                            if let (Some(out), false) = (&mut out[*face], left.is_empty()) {
-                                out[column] = std::array::from_fn(average);
+                        for (index, face) in faces.iter().enumerate() {
+                            let mut sum = [0.0; 4];
+                            for &left in left {
+                                for &up in *signs {
+                                    let quarter = sums[quarter_of(left, up) * N + index];
+                                    (0..4).for_each(|c| sum[c] += quarter[c]);
+                                }
+                            }
+                            if let Some(out) = &mut out[*face] {
+                                out[column] = std::array::from_fn(|c| ((sum[c] / angle) as f32).clamp(low[c], high[c]));
                             }
                         }
                     }

@@ -74,8 +74,8 @@ struct Parallel {
     widest: f64,
     /// Of a texel.
     solid_angle: f64,
-    /// What a texel holds beyond the base, at least, if its part across the horizon must be exact: 1e-4 of all that the panorama does.
-    bright: [f64; 3],
+    /// The columns of texels whose part across the horizon must be exact: they hold 1e-4 of all that the panorama does beyond the base.
+    bright: Vec<u32>,
 }
 
 /// A box in φ and θ.
@@ -152,6 +152,9 @@ impl<'a> FullSum<'a> {
         let (dtheta, middle) = (theta[1] - theta[0], (theta[0] + theta[1]) / 2.0);
         let solid_angle = panorama.solid_angle(row);
         let (mean, all) = (panorama.mean(), 4.0 * PI / solid_angle);
+        let most: [f64; 3] = std::array::from_fn(|c| (1e-4 * all * (mean[c] - self.base[c])).max(0.0));
+        let is_bright = |texel: &[f32; 3]| (0..3).any(|c| f64::from(texel[c]) - self.base[c] > most[c]);
+        let bright = (0..).zip(panorama.row(row)).filter(|(_, texel)| is_bright(texel)).map(|(column, _)| column);
         Parallel {
             occupied: panorama.row(row).iter().any(|t| t.map(f64::from) != self.base),
             theta,
@@ -161,7 +164,7 @@ impl<'a> FullSum<'a> {
             }),
             widest: if (middle - PI / 2.0).abs() <= dtheta { 1.0 } else { theta[0].sin().max(theta[1].sin()) },
             solid_angle,
-            bright: std::array::from_fn(|c| (1e-4 * all * (mean[c] - self.base[c])).max(0.0)),
+            bright: bright.collect(),
         }
     }
 
@@ -188,7 +191,7 @@ impl<'a> FullSum<'a> {
             let columns = columns.start..columns.end.min(width);
             let weights = &mut weights[..columns.len()];
             for row in (rows.start..rows.end.min(height)).filter(|&row| whole.rows[row].occupied) {
-                let place = (&whole.rows[row], row, columns.clone());
+                let place = (&whole.rows[row], columns.clone());
                 if self.row_weights(place, &lobe, (bulk, &along), weights) {
                     let part = self.row_sum(whole, row, columns.clone(), weights);
                     (0..3).for_each(|c| sum[c].add(part[c]));
@@ -251,7 +254,7 @@ impl<'a> FullSum<'a> {
     /// Integrals of the kernel over some texels of a row; false if the whole row is below the horizon.
     fn row_weights(
         &self,
-        (place, row, columns): (&Parallel, usize, Range<usize>),
+        (place, columns): (&Parallel, Range<usize>),
         lobe: &Lobe,
         (bulk, along): (usize, &[f64]),
         weights: &mut [f64],
@@ -301,7 +304,7 @@ impl<'a> FullSum<'a> {
                 let a = along.iter().skip(column).step_by(width).sum::<f64>() / rule.nodes.len() as f64;
                 let c = up + sin * a;
                 let near = c > near_from;
-                if !near && c.abs() < reach && flat && !self.is_bright(place, row, column) {
+                if !near && c.abs() < reach && flat && place.bright.binary_search(&(column as u32)).is_err() {
                     let down = 0.5 * dtheta * (cos * a - sin * lobe.axis.y);
                     let across = 0.5 * dphi * sin * (lobe.horizontal * lobe.horizontal - a * a).max(0.0).sqrt();
                     *weight = place.solid_angle * flat_horizon(c, [down, across], lobe.kernel);
@@ -328,12 +331,6 @@ impl<'a> FullSum<'a> {
             },
         );
         true
-    }
-
-    /// Whether a texel holds so much light that its part across the horizon must be exact.
-    fn is_bright(&self, place: &Parallel, row: usize, column: usize) -> bool {
-        let texel = self.panorama.row(row)[column];
-        (0..3).any(|c| f64::from(texel[c]) - self.base[c] > place.bright[c])
     }
 
     /// ∫ K over one texel, counted row by row.

@@ -86,18 +86,18 @@ pub(super) fn repair(
     (angles, run): (&[f64], usize),
     place: impl Fn(usize) -> String,
 ) -> Result<InputReport> {
-    let channels = if grey { 1 } else { 3 };
-    let counted = |texels: &[[f32; 3]], wrong: fn(f32) -> bool| {
-        texels.iter().flat_map(|t| &t[..channels]).filter(|&&v| wrong(v)).count() as u64
-    };
-    let nonfinite = counted(texels, |v| !v.is_finite());
+    // (All three channels of grey are alike.)
+    let once = |count: usize| (if grey { count / 3 } else { count }) as u64;
+    let nonfinite = once(texels.as_flattened().iter().filter(|v| !v.is_finite()).count());
     if nonfinite > 0 && policy.nonfinite == NonFinite::Error {
         return Err(refusal(nonfinite, texels, place));
     }
-    texels.iter_mut().flatten().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+    if nonfinite > 0 {
+        texels.iter_mut().flatten().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+    }
     let found = flux(texels, angles, run);
-    let min = texels.iter().flatten().copied().fold(f32::INFINITY, f32::min);
-    let negative = counted(texels, |v| v < 0.0);
+    let min = texels.as_flattened().iter().fold(f32::INFINITY, |least, &v| if v < least { v } else { least });
+    let negative = if min < 0.0 { once(texels.as_flattened().iter().filter(|v| **v < 0.0).count()) } else { 0 };
     // Before the conversion, which would spread a false -3894 of one channel over all three.
     clamp(texels, policy.negatives);
 

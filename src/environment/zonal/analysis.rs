@@ -31,12 +31,12 @@ pub(super) struct Coefficients {
 pub(super) trait Texels: Sync {
     /// Texels of a row, and rows.
     fn shape(&self) -> [usize; 2];
-    /// Whether anything in a row is not zero.
+    /// Whether anything in a row is left when the base is taken off.
     fn occupied(&self, row: usize) -> bool;
-    /// A row as it is, before the mean is taken off.
+    /// A row as it is, before the base is taken off.
     fn row(&self, row: usize) -> Cow<'_, [[f32; 3]]>;
-    /// What is to be taken off.
-    fn mean(&self) -> [f64; 3];
+    /// What is taken off every texel.
+    fn base(&self) -> [f64; 3];
 }
 
 /// How rows are integrated over θ.
@@ -167,7 +167,7 @@ impl Lines {
 
     /// Up to eight rows with their mirror images: north + south, and north − south.
     fn read(&mut self, map: &dyn Texels, rows: std::ops::Range<usize>) {
-        let (height, mean) = (map.shape()[1], map.mean());
+        let (height, base) = (map.shape()[1], map.base());
         for lane in 0..LANES {
             let row = rows.start + lane;
             if row >= rows.end {
@@ -178,7 +178,7 @@ impl Lines {
             let (north, south) = (map.row(row), map.row(height - 1 - row));
             for (((r, g), b), (north, south)) in red.iter_mut().zip(green).zip(blue).zip(north.iter().zip(&*south)) {
                 for (c, to) in [r, g, b].into_iter().enumerate() {
-                    let (north, south) = (f64::from(north[c]) - mean[c], f64::from(south[c]) - mean[c]);
+                    let (north, south) = (f64::from(north[c]) - base[c], f64::from(south[c]) - base[c]);
                     (to.re[lane], to.im[lane]) = (north + south, north - south);
                 }
             }
@@ -214,7 +214,7 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
         .map(|b| b.points.iter().map(|(places, weight)| places.start(m, scale(*weight, norm))).collect())
         .collect();
     let mut result = Vec::with_capacity(order.a.len());
-    let (mut q, mut chunk) = ([[ZERO; CHUNK]; GROUP], [ZERO; CHUNK]);
+    let (mut q, mut chunk, mut spare) = ([[ZERO; CHUNK]; GROUP], [ZERO; CHUNK], [ZERO; CHUNK]);
     for (a, s) in order.a.as_chunks::<CHUNK>().0.iter().zip(order.s.as_chunks::<CHUNK>().0) {
         let mut sums = [[ZERO; PARTS]; CHUNK];
         for (blocks, walks) in blocks.chunks(GROUP).zip(walks.chunks_mut(GROUP)) {
@@ -222,12 +222,19 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
             let mut n = 0;
             for (block, walks) in blocks.iter().zip(walks) {
                 let mut any = false;
-                for ((places, _), walk) in block.points.iter().zip(walks) {
-                    if !any {
-                        any = walk.advance(places.cos, a, &mut q[n]);
-                    } else if walk.advance(places.cos, a, &mut chunk) {
+                for (points, walks) in block.points.chunks(2).zip(walks.chunks_mut(2)) {
+                    let to = if any { &mut chunk } else { &mut q[n] };
+                    let got = match walks {
+                        [one, other] => {
+                            let cos = [&points[0].0.cos, &points[1].0.cos];
+                            Walk::advance_sum([one, other], cos, a, to, &mut spare)
+                        }
+                        walks => walks[0].advance(points[0].0.cos, a, to),
+                    };
+                    if any && got {
                         add_chunk(&mut q[n], &chunk);
                     }
+                    any |= got;
                 }
                 if any {
                     spectra[n] = &block.spectrum[m];

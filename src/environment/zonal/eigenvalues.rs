@@ -5,7 +5,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, sub, total};
+use super::lanes::{InstructionSet, LANES, V, ZERO, add, mul, scale, scale_add, sub, total};
 use crate::math::quadrature::gauss_legendre;
 
 /// Points of a panel.
@@ -71,42 +71,68 @@ fn sums(blocks: &[(V, V)], degree: usize) -> Vec<f64> {
     sums.into_iter().map(total).collect()
 }
 
-/// Places where the remainder of a function's series is looked at, with the function there and the kernel that it is a part of.
+/// Places where the remainder of a function's series is looked at, eight at a time: cos θ, the function there, and 1/(the kernel that it
+/// is a part of, and a floor).
 pub(super) struct Remainder {
-    places: Vec<(f64, f64, f64)>,
+    places: Vec<[V; 3]>,
 }
 
 impl Remainder {
     /// Places up to `reach` radians from the peak, of a function and of the kernel that errors are relative to.
-    pub fn new([function, kernel]: [&dyn Fn(f64) -> f64; 2], width: f64, reach: f64) -> Self {
+    pub fn new([function, kernel]: [&dyn Fn(f64) -> f64; 2], width: f64, reach: f64, floor: f64) -> Self {
         let spread = |i: u32| width * libm::expm1(f64::from(i) / 47.0 * libm::log1p(PI / width));
         let even = (1..=64).map(|i| PI * f64::from(i) / 64.0);
         let horizon = (-24..=24).map(|i| FRAC_PI_2 + f64::from(i) * 2e-3);
-        let theta: Vec<f64> = (0..48).map(spread).chain(even).chain(horizon).collect();
-        let place = |&theta: &f64| {
-            let half = libm::sin(0.5 * theta);
-            let w = 2.0 * half * half;
-            (libm::cos(theta), function(w), kernel(w))
+        let theta: Vec<f64> = (0..48).map(spread).chain(even).chain(horizon).filter(|theta| *theta <= reach).collect();
+        let eight = |theta: &[f64]| {
+            let mut eight = [ZERO; 3];
+            for (lane, theta) in theta.iter().enumerate() {
+                let half = libm::sin(0.5 * theta);
+                let w = 2.0 * half * half;
+                [eight[0][lane], eight[1][lane]] = [libm::cos(*theta), function(w)];
+                eight[2][lane] = 1.0 / (kernel(w) + floor);
+            }
+            eight
         };
-        Self { places: theta.iter().filter(|t| **t <= reach).map(place).collect() }
+        Self { places: theta.chunks(LANES).map(eight).collect() }
     }
 
     /// For degrees L = step, 2 step, … : the largest |function(c) − Σ_(l≤L) (2l+1)/4π λ_l P_l(c)| / (K(c) + floor).
-    pub fn relative(&self, eigenvalues: &[f64], step: usize, floor: f64) -> Vec<f64> {
-        let mut largest = vec![0.0f64; (eigenvalues.len() - 1) / step];
-        for &(x, function, kernel) in &self.places {
-            let (mut before, mut current, mut sum) = (0.0, 1.0, 0.0);
-            for (l, lambda) in eigenvalues.iter().enumerate() {
-                let l_f = l as f64;
-                sum += (2.0 * l_f + 1.0) / (4.0 * PI) * lambda * current;
-                let next = ((2.0 * l_f + 1.0) * x * current - l_f * before) / (l_f + 1.0);
-                (before, current) = (current, next);
-                if l > 0 && l % step == 0 && l / step <= largest.len() {
-                    let entry = &mut largest[l / step - 1];
-                    *entry = entry.max((function - sum).abs() / (kernel + floor));
-                }
+    pub fn relative(&self, eigenvalues: &[f64], step: usize, instructions: InstructionSet) -> Vec<f64> {
+        // (2l + 1)/4π λ_l, and what the recurrence of P_l multiplies by.
+        let terms: Vec<[f64; 3]> = (0..)
+            .zip(eigenvalues)
+            .map(|(l, lambda)| {
+                let l = f64::from(l);
+                [(2.0 * l + 1.0) / (4.0 * PI) * lambda, (2.0 * l + 1.0) / (l + 1.0), l / (l + 1.0)]
+            })
+            .collect();
+        let largest = instructions.run(
+            #[inline(always)]
+            || remainders(&self.places, &terms, step),
+        );
+        largest.into_iter().map(|of| of.into_iter().fold(0.0, f64::max)).collect()
+    }
+}
+
+/// Of each lane, the largest relative remainder after every `step` terms.
+#[inline(always)]
+fn remainders(places: &[[V; 3]], terms: &[[f64; 3]], step: usize) -> Vec<V> {
+    let mut largest = vec![ZERO; (terms.len() - 1) / step];
+    for &[x, function, scales] in places {
+        let (mut before, mut current, mut sum) = (ZERO, [1.0; LANES], ZERO);
+        for (l, &[term, a, b]) in terms.iter().enumerate() {
+            sum = scale_add(current, term, sum);
+            let next = sub(mul(scale(x, a), current), scale(before, b));
+            (before, current) = (current, next);
+            if l > 0
+                && l.is_multiple_of(step)
+                && let Some(largest) = largest.get_mut(l / step - 1)
+            {
+                let off = mul(sub(function, sum), scales);
+                (0..LANES).for_each(|i| largest[i] = largest[i].max(off[i].abs()));
             }
         }
-        largest
     }
+    largest
 }

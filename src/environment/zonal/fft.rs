@@ -21,7 +21,7 @@ impl Complex {
     pub const ZERO: Self = Self { re: ZERO, im: ZERO };
 
     #[inline(always)]
-    fn add(self, other: Self) -> Self {
+    pub fn add(self, other: Self) -> Self {
         Self { re: add(self.re, other.re), im: add(self.im, other.im) }
     }
 

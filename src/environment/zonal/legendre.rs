@@ -144,6 +144,60 @@ impl Walk {
         self.advance_scaled(cos, a, out)
     }
 
+    /// The same of two at once, whose operations do not wait for each other; false for each where all are negligible.
+    #[inline(always)]
+    pub fn advance_two(
+        [first, second]: [&mut Self; 2],
+        cos: [&V; 2],
+        a: &[f64; CHUNK],
+        [to_first, to_second]: &mut [[V; CHUNK]; 2],
+    ) -> [bool; 2] {
+        if !(first.ready && second.ready) {
+            return [first.advance(*cos[0], a, to_first), second.advance(*cos[1], a, to_second)];
+        }
+        let mut pair = Pair::of([first, second], cos);
+        for k in (0..CHUNK).step_by(2) {
+            [to_first[k], to_second[k]] = pair.current;
+            let between = pair.step(a[k], a[k + 1]);
+            [to_first[k + 1], to_second[k + 1]] = between;
+        }
+        pair.back_to([first, second]);
+        [true; 2]
+    }
+
+    /// The sum of two; false if all are negligible. `spare` is lost.
+    #[inline(always)]
+    pub fn advance_sum(
+        [first, second]: [&mut Self; 2],
+        cos: [&V; 2],
+        a: &[f64; CHUNK],
+        out: &mut [V; CHUNK],
+        spare: &mut [V; CHUNK],
+    ) -> bool {
+        if !(first.ready && second.ready) {
+            let any = first.advance(*cos[0], a, out);
+            return match (any, second.advance(*cos[1], a, spare)) {
+                (true, true) => {
+                    add_chunk(out, spare);
+                    true
+                }
+                (false, true) => {
+                    *out = *spare;
+                    true
+                }
+                (any, false) => any,
+            };
+        }
+        let mut pair = Pair::of([first, second], cos);
+        for k in (0..CHUNK).step_by(2) {
+            out[k] = add(pair.current[0], pair.current[1]);
+            let between = pair.step(a[k], a[k + 1]);
+            out[k + 1] = add(between[0], between[1]);
+        }
+        pair.back_to([first, second]);
+        true
+    }
+
     #[inline(always)]
     fn advance_scaled(&mut self, cos: V, a: &[f64; CHUNK], out: &mut [V; CHUNK]) -> bool {
         let mut active = false;
@@ -168,6 +222,36 @@ impl Walk {
     }
 }
 
+/// Two recurrences, in registers.
+struct Pair {
+    current: [V; 2],
+    before: [V; 2],
+    cos: [V; 2],
+}
+
+impl Pair {
+    #[inline(always)]
+    fn of(walks: [&Walk; 2], cos: [&V; 2]) -> Self {
+        Self { current: walks.map(|w| w.current), before: walks.map(|w| w.before), cos: cos.map(|cos| *cos) }
+    }
+
+    /// Two steps on, with what lies between.
+    #[inline(always)]
+    fn step(&mut self, first: f64, second: f64) -> [V; 2] {
+        let Self { current, before, cos } = self;
+        *before = [next(cos[0], first, current[0], before[0]), next(cos[1], first, current[1], before[1])];
+        *current = [next(cos[0], second, before[0], current[0]), next(cos[1], second, before[1], current[1])];
+        *before
+    }
+
+    #[inline(always)]
+    fn back_to(self, walks: [&mut Walk; 2]) {
+        for ((walk, current), before) in walks.into_iter().zip(self.current).zip(self.before) {
+            (walk.current, walk.before) = (current, before);
+        }
+    }
+}
+
 /// Q_(l+1).
 #[inline(always)]
 fn next(cos: V, a: f64, current: V, before: V) -> V {
@@ -182,7 +266,7 @@ pub(super) fn add_chunk(to: &mut [V; CHUNK], from: &[V; CHUNK]) {
     }
 }
 
-/// Whether all P̄_l^m with l ≤ degree are below some 1e-16 wherever sin θ is at most this.
+/// Whether all P̄_l^m with l ≤ degree are below some 1e-13 wherever sin θ is at most this.
 ///
 /// For m > l sin θ, P̄ falls off like e^−S with S = ∫ √(m²/sin²t − l²) dt from θ to the turning point (Liouville and Green), which is
 /// l [μ artanh(u/(μ cos θ)) − artanh(u/cos θ)] with μ = m/l, u = √(μ² − sin²θ) for μ < 1.
@@ -195,7 +279,7 @@ pub(super) fn negligible(degree: usize, m: usize, sin: f64) -> bool {
     let cos = (1.0 - sin * sin).sqrt();
     let u = (mu * mu - sin * sin).sqrt();
     let s = l * (mu * libm::atanh((u / (mu * cos)).min(1.0 - 1e-16)) - libm::atanh((u / cos).min(1.0 - 1e-16)));
-    s > 40.0
+    s > 32.0
 }
 
 const _: () = assert!(CHUNK.is_multiple_of(LOOK) && LOOK.is_multiple_of(2) && BITS == 200);

@@ -4,8 +4,8 @@
 //! coefficients (`analysis`, of fine panoramas by fewer `nodes`), once for all kernels; λ_l (`eigenvalues`) times coefficients become values on a grid of rings, and
 //! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
 //! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
-//! texels bright enough for that to show are peeled off first and summed exactly. The mean is taken off first and added back: a
-//! constant stays what it is. Of kernels too narrow for harmonics, the part near the axis is summed over the texels there (`split`).
+//! texels bright enough for that to show are peeled off first and summed exactly. The darkest value is taken off first, and degree 0 is the
+//! exact mean: a constant stays what it is. Of kernels too narrow for harmonics, the part near the axis is summed over the texels there (`split`).
 
 mod analysis;
 mod bright;
@@ -45,8 +45,8 @@ const MOST_PEELED: [usize; 2] = [1024, 64];
 /// Peeled texels that all kernels may as well share.
 const FEW: usize = 16;
 
-/// A bound of truncation above this, which is some thousand times what truncation does, asks for more degrees.
-const HARD: f64 = 1e-2;
+/// A bound of truncation above this, which is some hundred times what truncation does, asks for more degrees.
+const HARD: f64 = 3e-3;
 
 /// Directions that a thread answers for at a time.
 const LINE: usize = 64;
@@ -111,7 +111,7 @@ impl<'a> Zonal<'a> {
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         let of_kernel = |kernel: &Kernel| {
             let darkest = darkest(panorama, &cells, kernel, instructions);
-            Plan::new(*kernel, darkest, least_degree(kernel), panorama.height(), instructions)
+            Plan::new(*kernel, darkest, least_degree(kernel) / 2, panorama.height(), instructions)
         };
         let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
         for plan in all.into_iter().flatten() {
@@ -128,14 +128,17 @@ impl<'a> Zonal<'a> {
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
             return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0 };
         };
+        let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let rings = match &*last {
             Some((of, rings)) if of == kernel => rings.clone(),
-            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, plan.grid, self.instructions)),
+            _ => {
+                let grid = plan.grid(truncation);
+                Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions))
+            }
         };
         *last = Some((*kernel, rings.clone()));
         drop(last);
-        let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
         Function { zonal: self, kernel: *kernel, rings: Some((part, plan, rings)), degree: plan.degree(), truncation }
     }
 }
@@ -248,10 +251,12 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
     let towards = |away: DVec3, angle: f64| sun * angle.cos() + away * angle.sin();
     let mut aims =
         vec![sun, -sun, DVec3::Y, DVec3::NEG_Y, DVec3::ONE.normalize(), DVec3::new(1.0, 0.0, 1.0).normalize()];
-    for away in [side, up, -side, -up] {
-        aims.extend(BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4))));
-        aims.extend(ACROSS.map(|angle| towards(away, 0.5 * PI - angle)));
-    }
+    aims.extend(
+        [side, -up]
+            .into_iter()
+            .flat_map(|away| BESIDE.map(|widths| towards(away, (2.0 * kernel.alpha() * widths).min(1.4)))),
+    );
+    aims.extend([up, -side].into_iter().flat_map(|away| ACROSS.map(|angle| towards(away, 0.5 * PI - angle))));
     let mut darkest: Vec<(f32, usize)> =
         cube.texels.iter().enumerate().map(|(i, t)| (t[0].min(t[1]).min(t[2]), i)).collect();
     let n = DARKEST.min(darkest.len());
@@ -261,21 +266,27 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 }
 
 impl Part {
-    /// With more degrees where those that usually do leave too much out.
+    /// With more degrees where those that an easy map takes leave too much out.
     fn patient(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
         let part = Self::new(panorama, plans, peel, instructions);
         let mean = panorama.mean();
-        let left = |plan: &Plan| plan.truncation(part.share, mean, part.norm2, &part.coefficients);
-        if part.plans.iter().all(|plan| plan.split.is_some() || !is_wide(&plan.kernel) || left(plan) <= HARD) {
+        // The bound falls like degree⁻².
+        let wanted = |plan: &Plan| {
+            let left = plan.truncation(part.share, mean, part.norm2, &part.coefficients);
+            let times = if left > 4.0 * HARD { 4 } else { 2 };
+            let degree = (times * plan.degree()).min(2 * least_degree(&plan.kernel));
+            let is_short = left > HARD && plan.split.is_none() && is_wide(&plan.kernel) && degree > plan.degree();
+            is_short.then_some(degree)
+        };
+        let wanted: Vec<Option<usize>> = part.plans.iter().map(wanted).collect();
+        if wanted.iter().all(Option::is_none) {
             return part;
         }
-        let more = |plan: Plan| match plan.split.is_none() && is_wide(&plan.kernel) {
-            true => {
-                Plan::new(plan.kernel, plan.darkest, 2 * least_degree(&plan.kernel), panorama.height(), instructions)
-            }
-            false => Some(plan),
+        let more = |(plan, wanted): (Plan, &Option<usize>)| match wanted {
+            Some(degree) => Plan::new(plan.kernel, plan.darkest, *degree, panorama.height(), instructions),
+            None => Some(plan),
         };
-        let plans: Vec<Plan> = part.plans.into_iter().filter_map(more).collect();
+        let plans: Vec<Plan> = part.plans.into_iter().zip(&wanted).filter_map(more).collect();
         let peel = peel_for(panorama, &plans);
         Self::new(panorama, plans, peel, instructions)
     }
@@ -296,7 +307,7 @@ impl Part {
             None => Rows::Points(row_rule(narrowest, kinked, panorama.height())),
         };
         let mut coefficients = analyse(&rest, degree, &rows, instructions);
-        // What is left of the mean is rounding.
+        // The mean is known already.
         coefficients.orders[0][0] = [0.0; 6];
         let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
         let near = places.map(|places| (rest.to_panorama(), places));
@@ -337,7 +348,7 @@ fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: Inst
 /// three times too dark) is left to the texels of a cell that L does not resolve.
 fn least_share(plan: &Plan, height: usize) -> f64 {
     let [slope, ..] = plan.kernel.horizon();
-    let degree = plan.degree() as f64;
+    let degree = plan.degree().max(least_degree(&plan.kernel)) as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
     1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
 }
@@ -347,6 +358,8 @@ struct Rest<'a> {
     panorama: &'a Panorama,
     /// Texels that differ, in the order of the panorama.
     changed: Vec<(usize, [f32; 3])>,
+    /// The darkest values of the panorama, which are taken off all texels: where it is dark, what integration misses is small too.
+    darkest: [f64; 3],
     mean: [f64; 3],
 }
 
@@ -354,12 +367,12 @@ impl<'a> Rest<'a> {
     fn new(panorama: &'a Panorama, peel: &Peel) -> Self {
         let mut changed: Vec<(usize, [f32; 3])> = peel.remainders().collect();
         changed.sort_unstable_by_key(|(index, _)| *index);
-        if changed.is_empty() {
-            return Self { panorama, changed, mean: panorama.mean() };
-        }
-        let rest = Self { panorama, changed, mean: [0.0; 3] };
-        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
         let darkest = panorama.min().map(f64::from);
+        if changed.is_empty() {
+            return Self { panorama, changed, darkest, mean: panorama.mean() };
+        }
+        let rest = Self { panorama, changed, darkest, mean: [0.0; 3] };
+        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
         let sum = rest.sum(|texel| std::array::from_fn(|c| f64::from(texel[c]) - darkest[c]));
         Self { mean: std::array::from_fn(|c| darkest[c] + sum[c] / (4.0 * PI)), ..rest }
     }
@@ -410,7 +423,8 @@ impl Texels for Rest<'_> {
     }
 
     fn occupied(&self, row: usize) -> bool {
-        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.mean) || !self.changed_in(row).is_empty()
+        self.panorama.row(row).iter().any(|texel| texel.map(f64::from) != self.darkest)
+            || !self.changed_in(row).is_empty()
     }
 
     fn row(&self, row: usize) -> Cow<'_, [[f32; 3]]> {
@@ -421,8 +435,8 @@ impl Texels for Rest<'_> {
         texels
     }
 
-    fn mean(&self) -> [f64; 3] {
-        self.mean
+    fn base(&self) -> [f64; 3] {
+        self.darkest
     }
 }
 

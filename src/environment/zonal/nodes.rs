@@ -108,7 +108,7 @@ impl Nodes {
     #[inline(always)]
     pub fn gather(&self, map: &dyn Texels, block: usize, to: &mut [Vec<Complex>; 3]) {
         let [width, height] = map.shape();
-        let mean = map.mean();
+        let base = map.base();
         to.iter_mut().for_each(|channel| channel.fill(Complex::ZERO));
         for (beyond, rows) in self.blocks[block].rows.iter().enumerate() {
             let read: Vec<[Cow<[[f32; 3]]>; 2]> =
@@ -128,7 +128,7 @@ impl Nodes {
                             for (i, sum) in sums.iter_mut().enumerate() {
                                 let (mut re, mut im) = (sum.re, sum.im);
                                 for (weights, [north, south]) in weights.iter().zip(texels) {
-                                    let [north, south] = [north, south].map(|row| f64::from(row[i][c]) - mean[c]);
+                                    let [north, south] = [north, south].map(|row| f64::from(row[i][c]) - base[c]);
                                     re = scale_add(*weights, north + south, re);
                                     im = scale_add(*weights, north - south, im);
                                 }
@@ -165,7 +165,7 @@ mod tests {
     fn nodes_hold_what_rows_hold() {
         for (width, n, sun) in [(128, 32, (9, 0)), (256, 32, (255, 1)), (256, 64, (3, 63)), (250, 32, (100, 124))] {
             let panorama = random(width, 5, Some(sun));
-            let map = Rest { panorama: &panorama, changed: vec![], mean: panorama.mean() };
+            let map = Rest { panorama: &panorama, changed: vec![], darkest: [0.0; 3], mean: panorama.mean() };
             let (degree, set) = (n / 3, InstructionSet::detect());
             let wanted = analyse(&map, degree, &Rows::Points(row_rule(0.1, degree, width / 2)), set);
             let got = analyse(&map, degree, &Rows::Nodes(Nodes::new(n, width / 2)), set);

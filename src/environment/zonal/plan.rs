@@ -25,14 +25,17 @@ use crate::math::quadrature::{Rule, gauss_legendre};
 const STEEP: f64 = 3.1e-3;
 /// Degrees of a ring of p = 1, times p: e^(−pc) is told from what harmonics make of it.
 const RING: f64 = 8.0;
-/// The least degree of a kernel whose horizon shows as much as Lambert's, unless a map is hard.
+/// The degree of a kernel whose horizon shows as much as Lambert's; an easy map takes half of it, a hard one twice as much.
 const WIDE_DEGREE: usize = 256;
 /// A horizon is steeper than Lambert's by this at most; a sheen's of alpha 0.05 is.
 const STEEPEST: f64 = 80.0;
 /// Degrees beyond which texels are summed instead: 1e7 coefficients, and a kernel narrower than 2e-3.
 pub(super) const MOST_DEGREE: usize = 3500;
 /// The relative error of truncation at the peak that the degree is chosen for.
-const AIM: f64 = 1e-5;
+const AIM: f64 = 3e-5;
+/// Spacing of the grid in widths of the kernel: interpolation of degree five on spacing Δ is off by 14 (Δ/width)⁶ at the peak of
+/// 1/(width² + θ²)², here 4e-5.
+const PER_WIDTH: f64 = 0.12;
 /// λ_l of narrow kernels are looked at up to this many times 1/α: e^(−2 · 16) is beyond every need.
 const REACH: f64 = 16.0;
 
@@ -44,8 +47,8 @@ pub(super) struct Plan {
     pub split: Option<Split>,
     /// λ_0 … λ_L.
     pub eigenvalues: Vec<f64>,
-    /// Rings and columns of the grid.
-    pub grid: [usize; 2],
+    /// How far apart points of the grid may lie, in radians.
+    spacing: f64,
     /// t of the bound for every map of the same flux.
     pub any_map: f64,
     /// ‖κ‖.
@@ -80,14 +83,14 @@ impl Plan {
         let mut lambda = eigenvalues(&value, kernel.singularities(), most, instructions);
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
-        let peak = Remainder::new([&value; 2], width, 1.2).relative(&lambda, step, floor);
+        let peak = Remainder::new([&value; 2], width, 1.2, floor).relative(&lambda, step, instructions);
         let enough = peak.iter().position(|&off| off <= AIM && !ring).map_or(most, |i| (i + 1) * step);
         let degree = if wide { enough.max(least_wide) } else { enough }.min(most);
         if degree > MOST_DEGREE {
             return None;
         }
         lambda.truncate(degree + 1);
-        let whole = Remainder::new([&value; 2], width, PI).relative(&lambda, degree, floor);
+        let whole = Remainder::new([&value; 2], width, PI, floor).relative(&lambda, degree, instructions);
         // ∫ K² = Σ (2l+1)/4π λ_l².
         let square = |w: f64| kernel.eval(w) * kernel.eval(w);
         let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
@@ -97,7 +100,7 @@ impl Plan {
         Some(Self {
             kernel,
             split: None,
-            grid: grid(width, degree),
+            spacing: PER_WIDTH * width,
             any_map: whole[0],
             eigenvalues: lambda,
             remainder_norm,
@@ -114,10 +117,10 @@ impl Plan {
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
         let width = 1.0 / degree as f64;
-        let peak = Remainder::new([&rest, &whole], width, 1.2).relative(&lambda, step, floor);
+        let peak = Remainder::new([&rest, &whole], width, 1.2, floor).relative(&lambda, step, instructions);
         let degree = peak.iter().position(|&off| off <= AIM).map_or(most, |i| (i + 1) * step).min(most);
         lambda.truncate(degree + 1);
-        let everywhere = Remainder::new([&rest, &whole], width, PI).relative(&lambda, degree, floor);
+        let everywhere = Remainder::new([&rest, &whole], width, PI, floor).relative(&lambda, degree, instructions);
         let square = |w: f64| rest(w) * rest(w);
         let norm2 = eigenvalues(&square, kernel.singularities(), 0, instructions)[0];
         let terms = lambda.iter().enumerate().map(|(l, v)| (l as f64, (2.0 * l as f64 + 1.0) / (4.0 * PI) * v));
@@ -130,7 +133,7 @@ impl Plan {
         Self {
             kernel,
             split: Some(split),
-            grid: grid(spacing / PER_WIDTH, degree),
+            spacing,
             any_map: everywhere[0],
             eigenvalues: lambda,
             remainder_norm,
@@ -140,6 +143,24 @@ impl Plan {
 
     pub fn degree(&self) -> usize {
         self.eigenvalues.len() - 1
+    }
+
+    /// Rings and columns of the grid, given the bound of what truncation changes on this map.
+    ///
+    /// Points are never farther apart than what holds the degrees; but those of a horizon that shows are few and small where the bound is, and what
+    /// interpolation makes of them was at most 0.03 of the bound at 0.7 rings to a degree, 0.1 at half as many as degrees (on four real maps and a
+    /// sky, kernels of [`KernelKind::Nol`] and [`KernelKind::G1`]).
+    pub fn grid(&self, truncation: f64) -> [usize; 2] {
+        let dense = match truncation {
+            _ if !is_wide(&self.kernel) || self.split.is_some() => 1.2,
+            bound if bound < 1e-4 => 0.5,
+            bound if bound < 1e-3 => 0.7,
+            _ => 1.0,
+        };
+        let degree = self.degree() as f64;
+        let rings = (PI / self.spacing).max(dense * degree).max(16.0);
+        let columns = (TAU / self.spacing).max(1.8 * dense * degree).max(32.0);
+        [rings as usize, Fft::fast_length(columns as usize)]
     }
 
     /// The largest relative error that truncation can cause, given the part `share` of the light that was not peeled off, and
@@ -156,7 +177,7 @@ impl Plan {
     }
 }
 
-/// The least degree of a wide kernel, unless a map is hard. A kink of slope a leaves a L^(−5/2) behind, the same for all.
+/// The degree of a wide kernel; an easy map takes half of it, a hard one twice as much. A kink of slope a leaves a L^(−5/2) behind, the same for all.
 pub(super) fn least_degree(kernel: &Kernel) -> usize {
     let steeper = (kernel.horizon()[0] * PI).clamp(1.0, STEEPEST);
     (WIDE_DEGREE as f64 * steeper.powf(0.4)) as usize
@@ -175,18 +196,6 @@ fn power(coefficients: &Coefficients, channel: usize, degree: usize) -> f64 {
         both * order.iter().take((degree + 1).saturating_sub(m)).map(of).sum::<f64>()
     };
     coefficients.orders.iter().enumerate().map(order).sum()
-}
-
-/// Spacing of the grid in widths of the kernel.
-const PER_WIDTH: f64 = 0.095;
-
-/// Rings and columns: interpolation of degree five on spacing Δ is off by 14 (Δ/width)⁶ at the peak of 1/(width² + θ²)²;
-/// 0.095 leaves 1e-5. And never coarser than what holds the degrees.
-fn grid(width: f64, degree: usize) -> [usize; 2] {
-    let spacing = PER_WIDTH * width;
-    let rings = ((PI / spacing) as usize).max(5 * degree / 4).max(16);
-    let columns = ((TAU / spacing) as usize).max(9 * degree / 4).max(32);
-    [rings, Fft::fast_length(columns)]
 }
 
 /// Gauss points for a row, on [0, 1].

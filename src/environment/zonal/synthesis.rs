@@ -8,10 +8,12 @@ use rayon::prelude::*;
 use super::analysis::{Coefficients, PARTS};
 use super::fft::{Complex, Fft};
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, scale_add, sub};
-use super::legendre::{CHUNK, Order, Places, negligible, sectoral_norms};
+use super::legendre::{CHUNK, Order, Places, Walk, negligible, sectoral_norms};
 
 /// Taps of the interpolation in each angle.
 const TAPS: usize = 6;
+/// Columns that are taken out of a transform at a time.
+const TILE: usize = 16;
 /// Copies of what lies beyond a turn on each side, so that taps need no wrapping.
 const MARGIN: usize = 3;
 
@@ -22,12 +24,9 @@ pub(super) struct Rings {
     columns: usize,
     /// What is added to the values that are kept, about their mean: where the sum is dark, its rounding is small too.
     base: [f32; 3],
-    /// Eight rings of the north with their mirror images: column by column, with [`MARGIN`] more on each side.
-    strips: Vec<Vec<Across>>,
+    /// Eight rings of the north, then their mirror images, each with [`MARGIN`] columns more on both sides.
+    strips: Vec<Vec<[f32; 3]>>,
 }
-
-/// What the rings of a strip hold in one column: eight of the north, their mirror images; the fourth value is padding.
-type Across = [[f32; 4]; 2 * LANES];
 
 /// Eight rings of the north and their mirror images.
 struct Block {
@@ -47,7 +46,7 @@ impl Rings {
     ) -> Self {
         let base = mean.map(|m| (eigenvalues[0] * m) as f32);
         let degree = eigenvalues.len() - 1;
-        debug_assert!(columns > 2 * degree && columns.is_multiple_of(2) && degree <= coefficients.degree);
+        debug_assert!(columns.is_multiple_of(2) && degree <= coefficients.degree);
         let blocks: Vec<Block> =
             (0..rings.div_ceil(2).div_ceil(LANES)).map(|b| block(b * LANES, rings, degree)).collect();
         let norms = sectoral_norms(degree);
@@ -89,26 +88,20 @@ impl Rings {
         let (column, u) = split(turn * self.columns as f64);
         let (down, across) = (lagrange(t), lagrange(u));
         let column = self.within(column as usize);
-        let mut sum = [0.0; 4];
-        for (i, &weight) in down.iter().enumerate() {
-            let (taps, row) = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column);
-            // Two sums of three, so that none waits long for the one before.
-            let (mut even, mut odd) = ([0.0; 4], [0.0; 4]);
-            for pair in 0..TAPS / 2 {
-                let k = 2 * pair;
-                let [left, right] = [taps[k][row], taps[k + 1][row]].map(|tap| tap.map(f64::from));
-                for c in 0..4 {
-                    even[c] += left[c] * across[k];
-                    odd[c] += right[c] * across[k + 1];
-                }
-            }
-            for c in 0..4 {
-                sum[c] += (even[c] + odd[c]) * weight;
+        let mut sums = [0.0; 3 * TAPS];
+        for (i, weight) in down.into_iter().enumerate() {
+            let taps = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column).as_flattened();
+            for (sum, tap) in sums.iter_mut().zip(taps) {
+                *sum += f64::from(*tap) * weight;
             }
         }
-        // (Known to be unused, the fourth channel would be left out, and with it the use of vectors of four.)
-        let sum = std::hint::black_box(sum);
-        std::array::from_fn(|c| sum[c] - f64::from(self.base[c]))
+        let [mut r, mut g, mut b] = self.base.map(|base| -f64::from(base));
+        for (sums, weight) in sums.as_chunks::<3>().0.iter().zip(across) {
+            r += sums[0] * weight;
+            g += sums[1] * weight;
+            b += sums[2] * weight;
+        }
+        [r, g, b]
     }
 
     /// A column of less than two turns.
@@ -117,10 +110,9 @@ impl Rings {
         if column >= self.columns { column - self.columns } else { column }
     }
 
-    /// The values around a column of a ring, and which of each column's they are. Over a pole, the ring on its other side comes half
-    /// a turn away.
+    /// The values around a column of a ring. Over a pole, the ring on its other side comes half a turn away.
     #[inline(always)]
-    fn taps(&self, ring: isize, column: usize) -> (&[Across; TAPS], usize) {
+    fn taps(&self, ring: isize, column: usize) -> &[[f32; 3]; TAPS] {
         let last = self.rings as isize - 1;
         let opposite = || self.within(column + self.columns / 2);
         let (ring, column) = match ring {
@@ -130,8 +122,9 @@ impl Rings {
         };
         let (north, south) = (ring as usize, (last - ring) as usize);
         let (pair, side) = if north <= south { (north, 0) } else { (south, LANES) };
-        let taps = self.strips[pair / LANES][column + MARGIN + 1 - TAPS / 2..].first_chunk();
-        (taps.expect("a column lies within its ring, which has margins on both sides"), pair % LANES + side)
+        let start = (pair % LANES + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2;
+        let taps = self.strips[pair / LANES][start..].first_chunk();
+        taps.expect("a column lies within its ring, which has margins on both sides")
     }
 }
 
@@ -232,33 +225,36 @@ fn synthesise_order(
         let factor = eigenvalues[m + k] * order.s[k];
         *term = coefficients[k].map(|v| v * factor);
     }
+    // (Rings go from the pole to the equator, and the farther, the less is negligible.)
+    let first = blocks.iter().position(|block| !negligible(degree, m, block.largest_sin)).unwrap_or(blocks.len());
     let mut result = Vec::with_capacity(blocks.len());
-    for block in blocks {
-        let mut all = [ZERO; 2 * PARTS];
-        if negligible(degree, m, block.largest_sin) {
-            result.push(all);
-            continue;
-        }
-        let mut walk = block.places.start(m, [norm; LANES]);
-        let mut q = [ZERO; CHUNK];
+    result.resize(first, [ZERO; 2 * PARTS]);
+    let mut q = [[ZERO; CHUNK]; 2];
+    for pair in blocks[first..].chunks(2) {
+        let cos = [&pair[0].places.cos, &pair[pair.len() - 1].places.cos];
+        let [mut one, mut other] = [0, pair.len() - 1].map(|i| pair[i].places.start(m, [norm; LANES]));
+        let mut all = [[ZERO; 2 * PARTS]; 2];
         for (a, terms) in order.a.as_chunks::<CHUNK>().0.iter().zip(terms.as_chunks::<CHUNK>().0) {
-            if !walk.advance(block.places.cos, a, &mut q) {
-                continue;
-            }
-            for parity in 0..2 {
-                let mut sums = [ZERO; PARTS];
-                for half in 0..CHUNK / 2 {
-                    let k = 2 * half + parity;
+            let any = match pair.len() {
+                1 => [one.advance(*cos[0], a, &mut q[0]), false],
+                _ => Walk::advance_two([&mut one, &mut other], cos, a, &mut q),
+            };
+            for ((all, q), _) in all.iter_mut().zip(&q).zip(any).filter(|(_, any)| *any) {
+                for parity in 0..2 {
+                    let mut sums = [ZERO; PARTS];
+                    for half in 0..CHUNK / 2 {
+                        let k = 2 * half + parity;
+                        for c in 0..PARTS {
+                            sums[c] = scale_add(q[k], terms[k][c], sums[c]);
+                        }
+                    }
                     for c in 0..PARTS {
-                        sums[c] = scale_add(q[k], terms[k][c], sums[c]);
+                        all[parity * PARTS + c] = add(all[parity * PARTS + c], sums[c]);
                     }
                 }
-                for c in 0..PARTS {
-                    all[parity * PARTS + c] = add(all[parity * PARTS + c], sums[c]);
-                }
             }
         }
-        result.push(all);
+        result.extend_from_slice(&all[..pair.len()]);
     }
     result
 }
@@ -271,11 +267,17 @@ fn strip(
     base: [f32; 3],
     fft: &Fft,
     lines: &mut [Vec<Complex>; 4],
-) -> Vec<Across> {
+) -> Vec<[f32; 3]> {
     let [red, green, blue, spare] = lines;
     let columns = spare.len();
     for (channel, x) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
-        x[spectra.len()..=columns - spectra.len()].fill(Complex::ZERO);
+        // (Orders beyond half of the columns come down on lower ones: values at the columns are the same.)
+        let folds = 2 * spectra.len() > columns;
+        if folds {
+            x.fill(Complex::ZERO);
+        } else {
+            x[spectra.len()..=columns - spectra.len()].fill(Complex::ZERO);
+        }
         for (m, parts) in spectra.iter().enumerate() {
             let part = &parts[block];
             let [even, odd] = [0, PARTS].map(|p| (part[p + channel], part[p + 3 + channel]));
@@ -284,29 +286,45 @@ fn strip(
             // The conjugate of north + i south at m and at −m: the transform's conjugate is then the sum with e^(+imφ).
             if m == 0 {
                 x[0] = Complex { re: north.0, im: scale(south.0, -1.0) };
+                continue;
+            }
+            let plus = Complex { re: sub(north.0, south.1), im: scale(add(north.1, south.0), -1.0) };
+            let minus = Complex { re: add(north.0, south.1), im: sub(north.1, south.0) };
+            if folds {
+                for (m, value) in [(m % columns, plus), ((columns - m % columns) % columns, minus)] {
+                    x[m] = x[m].add(value);
+                }
             } else {
-                x[m] = Complex { re: sub(north.0, south.1), im: scale(add(north.1, south.0), -1.0) };
-                x[columns - m] = Complex { re: add(north.0, south.1), im: sub(north.1, south.0) };
+                (x[m], x[columns - m]) = (plus, minus);
             }
         }
         fft.forward(x, spare);
     }
-    let mut strip = Vec::with_capacity(columns + 2 * MARGIN);
-    strip.resize(MARGIN, [[0.0; 4]; 2 * LANES]);
     let base = base.map(f64::from);
-    strip.extend(red.iter().zip(&*green).zip(&*blue).map(|((r, g), b)| {
-        let mut across = [[0.0; 4]; 2 * LANES];
-        for (c, x) in [r, g, b].into_iter().enumerate() {
-            for lane in 0..LANES {
-                across[lane][c] = (base[c] + x.re[lane]) as f32;
-                across[LANES + lane][c] = (base[c] - x.im[lane]) as f32;
+    let length = columns + 2 * MARGIN;
+    let mut strip = vec![[0.0; 3]; 2 * LANES * length];
+    // (Some columns of all rows before the next: what a transform leaves is interleaved.)
+    let mut tile = [[[0.0f32; 2 * LANES]; 3]; TILE];
+    for first in (0..columns).step_by(TILE) {
+        let n = TILE.min(columns - first);
+        for (i, tile) in tile[..n].iter_mut().enumerate() {
+            for (c, (to, from)) in tile.iter_mut().zip([&*red, green, blue]).enumerate() {
+                let x = from[first + i];
+                for lane in 0..LANES {
+                    to[lane] = (base[c] + x.re[lane]) as f32;
+                    to[LANES + lane] = (base[c] - x.im[lane]) as f32;
+                }
             }
         }
-        across
-    }));
-    for k in 0..MARGIN {
-        strip[k] = strip[columns + k];
-        strip.push(strip[MARGIN + k]);
+        for (row, to) in strip.chunks_exact_mut(length).enumerate() {
+            for (to, from) in to[MARGIN + first..].iter_mut().zip(&tile[..n]) {
+                *to = [from[0][row], from[1][row], from[2][row]];
+            }
+        }
+    }
+    for row in strip.chunks_exact_mut(length) {
+        row.copy_within(columns..columns + MARGIN, 0);
+        row.copy_within(MARGIN..2 * MARGIN, columns + MARGIN);
     }
     strip
 }

@@ -68,6 +68,32 @@ fn every_level_is_within_1e_4_of_the_full_sum_wherever_errors_hide() {
     }
 }
 
+/// At a pole, rows end: what their Gauss points miss of a constant does not cancel there, and must be small beside the dark, not beside
+/// the rest of the map.
+#[test]
+fn a_dark_pole_of_a_bright_map_is_as_exact_as_the_rest() {
+    let (width, height) = (128, 64);
+    let dark = |row: usize| row < 14 || row >= height - 9;
+    let texels = (0..width * height).map(|i| if dark(i / width) { [1e-3, 0.01, 0.3] } else { [1.0; 3] }).collect();
+    let panorama = Panorama::new(width, height, texels).unwrap();
+    let exact = FullSum::new(&panorama);
+    let kernels = kernels(&[0.02, 0.06, 0.144, 0.25]);
+    let zonal = Zonal::new(&panorama, &kernels, InstructionSet::detect());
+    for kernel in kernels {
+        let function = zonal.function(&kernel);
+        for away in [0.0, 0.003, 0.02, 0.05, 0.1, 0.2] {
+            for direction in [DVec3::new(away, 1.0, 0.3 * away), DVec3::new(0.2 * away, -1.0, -away)] {
+                let direction = direction.normalize();
+                let (got, wanted) = (function.at(direction), exact.evaluate(direction, &kernel));
+                for c in 0..3 {
+                    let off = (got[c] / wanted[c] - 1.0).abs();
+                    assert!(off < 1e-4, "alpha {}, {direction}, channel {c}: off by {off:e}", kernel.alpha());
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn a_white_furnace_is_exactly_one_and_a_black_channel_zero() {
     let texels: Vec<[f32; 3]> = (0..32 * 16).map(|i| [1.0, 0.0, (i % 5) as f32]).collect();
@@ -119,7 +145,7 @@ fn neither_threads_nor_instructions_change_a_bit() {
 fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
     for (width, sun) in [(128, (37, 20)), (34, (20, 8)), (96, (0, 0))] {
         let panorama = lit(width, 8, sun);
-        let map = Rest { panorama: &panorama, changed: vec![], mean: panorama.mean() };
+        let map = Rest { panorama: &panorama, changed: vec![], darkest: panorama.mean(), mean: panorama.mean() };
         for narrowest in [1.0, 0.01, 1e-3] {
             let rows = Rows::Points(row_rule(narrowest, 4, width / 2));
             let coefficients = analyse(&map, 4, &rows, InstructionSet::detect());
@@ -180,7 +206,7 @@ fn legendre_functions_of_high_degree_obey_the_addition_theorem() {
         }
         for (lane, theta) in theta.iter().enumerate() {
             for m in (0..=l).filter(|&m| negligible(l, m, theta.sin())) {
-                assert!(values[m][lane].abs() < 1e-16, "l {l}, m {m}, θ {theta}: {}", values[m][lane]);
+                assert!(values[m][lane].abs() < 1e-13, "l {l}, m {m}, θ {theta}: {}", values[m][lane]);
             }
         }
     }
