@@ -390,7 +390,7 @@ mod tests {
         ] {
             assert!(refuse(name).contains(&format!("did you mean {meant}?")), "{}", refuse(name));
         }
-        for nothing in ["ue5", "x", ""] {
+        for nothing in ["ue5", "q", ""] {
             assert!(refuse(nothing).ends_with("; see `kiln list engines`"), "{}", refuse(nothing));
         }
     }

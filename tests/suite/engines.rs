@@ -370,23 +370,24 @@ fn the_flags_that_an_engine_stands_for_make_the_same_table() {
     assert!(ran >= 3 && with_brackets >= 1, "{ran} tables, {with_brackets} with a function");
 }
 
-/// Every preset's tables at the sizes that it has: of some a tolerance is hard to reach at one texel of thousands.
+/// `kiln bake --engine babylon` failed at one texel of thousands: what is multiplied by 16 must be 16 times closer before.
 #[test]
 fn a_scaled_channel_is_integrated_as_closely_as_its_scaled_error_must_be() {
     let babylon = engine::find("babylon").expect("an engine");
     let mut table = babylon.table("ggx-f82").expect("a table").recipe(false).expect("a recipe");
-    // The column that did not reach it: the first of 128.
-    table.axes[0] = "mu:1:0..0.0078125".parse().expect("an axis");
+    // The texel that did not reach it, of the first column of 128 and the thirteenth row.
+    table.axes =
+        ["mu:1:0..0.0078125", "roughness:1:0.09375..0.1015625"].map(|axis| axis.parse().expect("an axis")).into();
     let baked = bake::table(&table, &|_| {}).expect("a bake");
     let error = baked.certificate.channels[2].max_error;
     assert!(error <= 2e-6, "{error}");
     // By chance as well.
-    table.axes[1] = "roughness:2".parse().expect("an axis");
+    table.axes = ["mu:1", "roughness:1"].map(|axis| axis.parse().expect("an axis")).into();
     table.integration.integrator = kiln::integrate::Integrator::MonteCarlo;
-    table.integration.tolerance = Some(1e-3);
+    table.integration.tolerance = Some(1e-2);
     let baked = bake::table(&table, &|_| {}).expect("a bake");
     let error = baked.certificate.channels[2].max_error;
-    assert!(error > 0.0 && error <= 1e-3, "{error}");
+    assert!(error > 0.0 && error <= 1e-2, "{error}");
 }
 
 #[test]
