@@ -3,6 +3,7 @@
 //! Content goes to a temporary file in the same folder, is flushed to the disk, and takes the final name at the very end.
 
 use crate::error::{Error, Result};
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -44,7 +45,7 @@ impl Staged {
     /// **Errors**: the first that the system refuses; then the files that were new are removed again, but those that
     /// replaced another before it keep their new content.
     pub fn commit(self) -> Result<()> {
-        let mut created = Vec::new();
+        let (mut created, mut folders) = (Vec::new(), BTreeSet::new());
         for (temporary, target) in self.files {
             let is_new = !target.exists();
             if let Err(refused) = temporary.persist(&target) {
@@ -53,11 +54,12 @@ impl Staged {
                 }
                 return Err(Error::writing(&target, refused.error));
             }
-            sync_folder(&target);
+            folders.insert(folder_of(&target).to_owned());
             if is_new {
                 created.push(target);
             }
         }
+        folders.iter().for_each(|folder| sync_folder(folder));
         Ok(())
     }
 }
@@ -92,13 +94,12 @@ fn existing_permissions(target: &Path) -> io::Result<Option<fs::Permissions>> {
 }
 
 fn write_beside(target: &Path, bytes: &[u8], permissions: Option<fs::Permissions>) -> io::Result<TempPath> {
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     builder.prefix(".kiln-").suffix(".tmp");
     // Temporary files are made unreadable to others; this one is to look like any other file, less the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder)?;
+    let mut file = builder.tempfile_in(folder_of(target))?;
     file.write_all(bytes)?;
     if let Some(permissions) = permissions {
         file.as_file().set_permissions(permissions)?;
@@ -107,10 +108,14 @@ fn write_beside(target: &Path, bytes: &[u8], permissions: Option<fs::Permissions
     Ok(file.into_temp_path())
 }
 
-/// Makes a rename outlast a power failure where folders can be synchronised; where they cannot, it is done nonetheless.
-fn sync_folder(target: &Path) {
+/// The folder that a file is in.
+fn folder_of(target: &Path) -> &Path {
+    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Makes renames within a folder outlast a power failure where folders can be synchronised; where they cannot, they are done nonetheless.
+fn sync_folder(folder: &Path) {
     if cfg!(unix) {
-        let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let _ = fs::File::open(folder).and_then(|folder| folder.sync_all());
     }
 }

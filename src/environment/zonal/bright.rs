@@ -4,6 +4,9 @@
 //! its width; what is left out is of fourth order in extent/distance. Texels too close for that are integrated exactly; those that
 //! the horizon crosses take the integral of the first two terms of K over a flat texel, or, where they are bright enough for a flat texel
 //! not to be enough, the exact one.
+//!
+//! Of fine panoramas a sun is many texels. Seen from far enough they are one light, with a mean direction and second moments of its own in
+//! each channel: what is left out is of third order, 20 (extent/distance)³ of a GGX tail's value times the light's skewness.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,6 +21,11 @@ use crate::math::quadrature::gauss_legendre;
 
 /// Nearer than this many extents to the kernel's singularities, a texel is integrated exactly: 16⁻⁴/16 is 1e-6.
 const NEAR: f64 = 16.0;
+/// Farther than this many times the extent of some neighbours, they are one light: 20 · 64⁻³ is 8e-5, and a sun is not skewed.
+const FAR: f64 = 64.0;
+/// Texels no farther from their middle than this, in radians, may be one light, if they are at least so many.
+const NEIGHBOURS: f64 = 0.006;
+const LEAST_NEIGHBOURS: usize = 5;
 /// Of the brightest, this many are integrated exactly across the horizon.
 const BRIGHTEST: usize = 16;
 
@@ -26,6 +34,9 @@ const BRIGHTEST: usize = 16;
 pub(super) struct Bright {
     peel: Peel,
     texels: Vec<Texel>,
+    /// Those that are one light where they are far; and the others.
+    lights: Vec<Light>,
+    alone: Vec<usize>,
     extent: f64,
     /// Half the diagonal of the largest.
     reach: f64,
@@ -39,6 +50,83 @@ struct Texel {
     /// Along x and z.
     across: [f64; 2],
     flux: [f64; 3],
+}
+
+/// Texels beside each other, as one light.
+#[derive(Debug, Clone)]
+struct Light {
+    members: Vec<usize>,
+    /// Towards the brightest of them.
+    middle: DVec3,
+    /// No point of a texel is farther from a channel's mean direction, or from `middle`.
+    extent: f64,
+    channels: [Moments; 3],
+}
+
+/// Of a channel: the flux, the mean direction, and half of the second moments about it: xx, yy, zz, xy, xz, yz, the last three counted twice.
+#[derive(Debug, Clone, Default)]
+struct Moments {
+    flux: f64,
+    mean: DVec3,
+    second: [f64; 6],
+}
+
+impl Moments {
+    fn new(texels: &[&Texel], channel: usize) -> Self {
+        let flux: f64 = texels.iter().map(|texel| texel.flux[channel]).sum();
+        if flux <= 0.0 {
+            return Self::default();
+        }
+        let mean = texels.iter().map(|texel| texel.flux[channel] * texel.middle).sum::<DVec3>() / flux;
+        let mut second = [0.0; 6];
+        for texel in texels {
+            let part = texel.flux[channel] / flux;
+            let across = DVec3::new(texel.across[0], 0.0, texel.across[1]);
+            for (v, weight) in [(texel.middle - mean, 0.5), (texel.down, 1.0 / 6.0), (across, 1.0 / 6.0)] {
+                let products = [v.x * v.x, v.y * v.y, v.z * v.z, 2.0 * v.x * v.y, 2.0 * v.x * v.z, 2.0 * v.y * v.z];
+                (0..6).for_each(|i| second[i] += part * weight * products[i]);
+            }
+        }
+        Self { flux, mean, second }
+    }
+}
+
+/// The lights that some texels, the brightest first, make up, and the texels that are on their own. No point of a texel is farther from
+/// its middle than `reach`.
+fn lights(texels: &[Texel], reach: f64) -> (Vec<Light>, Vec<usize>) {
+    let (mut lights, mut alone) = (vec![], vec![]);
+    let mut taken = vec![false; texels.len()];
+    for (brightest, texel) in texels.iter().enumerate() {
+        if taken[brightest] {
+            continue;
+        }
+        let around = |centre: DVec3| -> Vec<usize> {
+            let is_near = |i: &usize| !taken[*i] && texels[*i].middle.distance(centre) <= NEIGHBOURS;
+            (brightest..texels.len()).filter(is_near).collect()
+        };
+        // The brightest may lie at the rim of what belongs together: the centre moves towards the middle.
+        let mut members = around(texel.middle);
+        for _ in 0..3 {
+            let centre = members.iter().map(|&i| texels[i].middle).sum::<DVec3>() / members.len() as f64;
+            let moved = around(centre);
+            if moved.len() > members.len() && moved.contains(&brightest) {
+                members = moved;
+            }
+        }
+        if members.len() < LEAST_NEIGHBOURS {
+            alone.push(brightest);
+            continue;
+        }
+        members.iter().for_each(|&i| taken[i] = true);
+        let of: Vec<&Texel> = members.iter().map(|&i| &texels[i]).collect();
+        let channels: [Moments; 3] = std::array::from_fn(|c| Moments::new(&of, c));
+        let centres = channels.iter().filter(|moments| moments.flux > 0.0).map(|moments| moments.mean);
+        let centres: Vec<DVec3> = centres.chain([texel.middle]).collect();
+        let away = of.iter().flat_map(|texel| centres.iter().map(|centre| centre.distance(texel.middle)));
+        let extent = away.fold(0.0, f64::max) + reach;
+        lights.push(Light { members, middle: texel.middle, extent, channels });
+    }
+    (lights, alone)
 }
 
 /// Eight directions.
@@ -71,9 +159,10 @@ impl Bright {
                 flux: radiance.map(|r| r * panorama.solid_angle(row)),
             }
         };
-        let texels = peel.texels().map(texel).collect();
+        let texels: Vec<Texel> = peel.texels().map(texel).collect();
         let reach = 0.55 * dtheta.hypot(dphi);
-        Self { peel, texels, extent: dtheta.max(dphi), reach }
+        let (lights, alone) = lights(&texels, reach);
+        Self { peel, texels, lights, alone, extent: dtheta.max(dphi), reach }
     }
 
     /// Adds ∫ K(axis·l) over what was peeled off, for each of some directions.
@@ -83,6 +172,9 @@ impl Bright {
             return;
         }
         let near = kernel.rough_parts(NEAR * self.extent, self.reach);
+        let of_light = |light: &Light| kernel.rough_parts(FAR * light.extent, light.extent);
+        let near_lights: Vec<[f64; 2]> = self.lights.iter().map(of_light).collect();
+        let mut listed = Vec::with_capacity(self.texels.len());
         for (axes, sums) in axes.chunks(LANES).zip(sums.chunks_mut(LANES)) {
             let axis = |lane: usize| axes[lane.min(axes.len() - 1)];
             let eight = Axes {
@@ -91,29 +183,77 @@ impl Bright {
                 z: std::array::from_fn(|lane| axis(lane).z),
             };
             let mut special = vec![];
-            let sum = match kernel.is_lambert() {
-                true => self.sum::<Lambert>(&eight, kernel, near, &mut special),
-                false => with_profile!(kernel, P => self.sum::<P>(&eight, kernel, near, &mut special)),
+            listed.clear();
+            listed.extend_from_slice(&self.alone);
+            let (far, sum) = match kernel.is_lambert() {
+                true => (
+                    self.sum_of_lights::<Lambert>(&eight, kernel, &near_lights, &mut listed),
+                    self.sum::<Lambert>(&listed, &eight, kernel, near, &mut special),
+                ),
+                false => with_profile!(kernel, P => (
+                    self.sum_of_lights::<P>(&eight, kernel, &near_lights, &mut listed),
+                    self.sum::<P>(&listed, &eight, kernel, near, &mut special),
+                )),
             };
             for (lane, to) in sums.iter_mut().enumerate() {
-                (0..3).for_each(|c| to[c] += sum[c][lane]);
+                (0..3).for_each(|c| to[c] += far[c][lane] + sum[c][lane]);
             }
             self.add_special(&special, axes, kernel, near[0], exact, sums);
         }
     }
 
-    /// The sum over the texels that take the second order, and a list of those that do not: texels that some of the directions
-    /// want exactly, with a mask.
+    /// The sum over the lights that are far from all of the directions; the texels of the others are listed.
+    #[inline(always)]
+    fn sum_of_lights<P: Profile>(
+        &self,
+        axes: &Axes,
+        kernel: &Kernel,
+        near: &[[f64; 2]],
+        listed: &mut Vec<usize>,
+    ) -> [V; 3] {
+        let mut sums = [ZERO; 3];
+        for (light, [near_from, belt]) in self.lights.iter().zip(near) {
+            let mut is_near = false;
+            for i in 0..LANES {
+                let c = axes.x[i] * light.middle.x + (axes.y[i] * light.middle.y + axes.z[i] * light.middle.z);
+                is_near |= (c > *near_from) | (c.abs() < *belt);
+            }
+            if is_near {
+                listed.extend_from_slice(&light.members);
+                continue;
+            }
+            for (sum, Moments { flux, mean, second }) in sums.iter_mut().zip(&light.channels) {
+                let mut weights = ZERO;
+                for i in 0..LANES {
+                    let (x, y, z) = (axes.x[i], axes.y[i], axes.z[i]);
+                    let c = x * mean.x + (y * mean.y + z * mean.z);
+                    let squares = x * x * second[0] + (y * y * second[1] + z * z * second[2]);
+                    let spread = squares + (x * y * second[3] + (x * z * second[4] + y * z * second[5]));
+                    let lit = if c > 0.0 { c } else { 0.0 };
+                    let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
+                    let value = value + curvature * spread;
+                    weights[i] = if c > 0.0 { value } else { 0.0 };
+                }
+                *sum = scale_add(weights, *flux, *sum);
+            }
+        }
+        sums
+    }
+
+    /// The sum over those of the listed texels that take the second order, and a list of those that do not: texels that some of the
+    /// directions want exactly, with a mask.
     #[inline(always)]
     fn sum<P: Profile>(
         &self,
+        listed: &[usize],
         axes: &Axes,
         kernel: &Kernel,
         [near_from, belt]: [f64; 2],
         special: &mut Vec<(usize, [bool; LANES])>,
     ) -> [V; 3] {
         let mut sums = [ZERO; 3];
-        for (index, texel) in self.texels.iter().enumerate() {
+        for &index in listed {
+            let texel = &self.texels[index];
             let (middle, down, across) = (texel.middle, texel.down, texel.across);
             let mut weights = ZERO;
             let mut odd = [false; LANES];
@@ -190,4 +330,69 @@ fn second_moments(theta: f64, dtheta: f64) -> [f64; 2] {
     }
     let mean = first / weights;
     [second / weights - mean * mean, sin2 / weights]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::environment::KernelKind;
+
+    /// A lopsided sun of 20 texels, whose channels are not alike, against the exact integral over each of its texels: near, far and across
+    /// horizons.
+    #[test]
+    fn a_sun_of_many_texels_is_one_light_from_afar() {
+        let (width, height) = (2400, 1200);
+        let mut texels = vec![[0.0; 3]; width * height];
+        for (i, (row, column)) in (0..4).flat_map(|row| (0..5).map(move |column| (row, column))).enumerate() {
+            let (row, column) = (300 + row, 700 + column);
+            let i = i as f32;
+            texels[row * width + column] = [1e4 + 500.0 * i, if i < 12.0 { 1e5 } else { 2e4 }, 1e3 * (1.0 + i * i)];
+        }
+        let panorama = Panorama::new(width, height, texels).unwrap();
+        let bright = Bright::new(Peel::strongest(&panorama, 1e-5, 64), &panorama);
+        assert!(bright.lights.len() == 1 && bright.alone.is_empty(), "{} lights", bright.lights.len());
+        let exact = FullSum::new(&panorama);
+        let sun = panorama.texel_box(702, 302).middle();
+        let (side, up) = sun.any_orthonormal_pair();
+        let kernels = [
+            Kernel::new(0.0625),
+            Kernel::new(0.3),
+            Kernel::new(1.0),
+            Kernel::of(KernelKind::G1, 0.1),
+            Kernel::of(KernelKind::Charlie, 0.3),
+        ];
+        for kernel in &kernels {
+            let mut n_far = 0;
+            for angle in [0.0, 0.01, 0.1, 0.3, 0.4, 0.6, 0.9, 1.2, 1.45, 1.5, 1.53, 1.565, 1.568, 1.5708, 1.574, 1.7] {
+                for away in [side, up, (side - up) * 0.5f64.sqrt()] {
+                    let axis = (sun * f64::cos(angle) + away * f64::sin(angle)).normalize();
+                    let mut got = [[0.0; 3]];
+                    bright.add(&[axis], kernel, &exact, &mut got);
+                    let lobe = Lobe::new(axis, kernel);
+                    let mut wanted = [0.0; 3];
+                    for (i, radiance) in bright.peel.texels() {
+                        let weight = exact.texel_weight(i, &lobe);
+                        (0..3).for_each(|c| wanted[c] += weight * radiance[c]);
+                    }
+                    let light = &bright.lights[0];
+                    let [near, belt] = kernel.rough_parts(FAR * light.extent, light.extent);
+                    let c = axis.dot(light.middle);
+                    n_far += usize::from(c <= near && c.abs() >= belt);
+                    for c in 0..3 {
+                        let off = (got[0][c] - wanted[c]).abs();
+                        // (Where a flat texel crosses the horizon, some 1e-6 of the kernel's norm is left out.)
+                        let tolerance = 2e-6 * wanted[c] + 1e-6 * kernel.horizon()[0] * light.channels[c].flux;
+                        assert!(
+                            off <= tolerance,
+                            "{:?} {}, {angle} away, channel {c}: {off:e} > {tolerance:e} of {}",
+                            kernel.kind(),
+                            kernel.alpha(),
+                            wanted[c]
+                        );
+                    }
+                }
+            }
+            assert!(n_far > 5, "{:?} {}: {n_far} are far", kernel.kind(), kernel.alpha());
+        }
+    }
 }

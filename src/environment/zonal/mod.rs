@@ -297,9 +297,8 @@ impl Part {
         let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
         let narrowest = plans.iter().map(width).fold(2.0, f64::min);
         let rest = Rest::new(panorama, &peel);
-        let (mean, whole) = (rest.mean, panorama.mean());
+        let (mean, norm2, whole) = (rest.mean, rest.norm2, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
-        let norm2 = rest.sum(|texel| std::array::from_fn(|c| (f64::from(texel[c]) - mean[c]).powi(2)));
         let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
         let kinked = kinked.map(Plan::degree).max().unwrap_or(0);
         let rows = match Nodes::for_kernels(narrowest, [kinked, degree], rest.shape()) {
@@ -361,6 +360,8 @@ struct Rest<'a> {
     /// The darkest values of the panorama, which are taken off all texels: where it is dark, what integration misses is small too.
     darkest: [f64; 3],
     mean: [f64; 3],
+    /// ∫ (f − mean)².
+    norm2: [f64; 3],
 }
 
 impl<'a> Rest<'a> {
@@ -368,13 +369,13 @@ impl<'a> Rest<'a> {
         let mut changed: Vec<(usize, [f32; 3])> = peel.remainders().collect();
         changed.sort_unstable_by_key(|(index, _)| *index);
         let darkest = panorama.min().map(f64::from);
-        if changed.is_empty() {
-            return Self { panorama, changed, darkest, mean: panorama.mean() };
+        let mut rest = Self { panorama, changed, darkest, mean: panorama.mean(), norm2: [0.0; 3] };
+        let [first, second] = rest.moments();
+        if !rest.changed.is_empty() {
+            rest.mean = std::array::from_fn(|c| darkest[c] + first[c] / (4.0 * PI));
         }
-        let rest = Self { panorama, changed, darkest, mean: [0.0; 3] };
-        // Relative to the darkest texel, so that a constant comes out as itself and no sun cancels.
-        let sum = rest.sum(|texel| std::array::from_fn(|c| f64::from(texel[c]) - darkest[c]));
-        Self { mean: std::array::from_fn(|c| darkest[c] + sum[c] / (4.0 * PI)), ..rest }
+        rest.norm2 = std::array::from_fn(|c| (second[c] - (rest.mean[c] - darkest[c]).powi(2) * 4.0 * PI).max(0.0));
+        rest
     }
 
     /// The same as a panorama of its own.
@@ -391,15 +392,18 @@ impl<'a> Rest<'a> {
         &self.changed[start..end]
     }
 
-    /// Σ of `f` over all texels, weighted by solid angle: rows on any thread, their sum in one order.
-    fn sum(&self, f: impl Fn(&[f32; 3]) -> [f64; 3] + Sync) -> [f64; 3] {
+    /// ∫ (f − darkest) and ∫ (f − darkest)²: a constant comes out as itself, and no sun cancels.
+    fn moments(&self) -> [[f64; 3]; 2] {
         let (width, height) = (self.panorama.width(), self.panorama.height());
         let of_row = |row: usize| {
-            let mut sum = [0.0; 3];
+            let mut sums = [[0.0; 3]; 2];
             let mut add = |texels: &[[f32; 3]]| {
                 for texel in texels {
-                    let value = f(texel);
-                    (0..3).for_each(|c| sum[c] += value[c]);
+                    for c in 0..3 {
+                        let value = f64::from(texel[c]) - self.darkest[c];
+                        sums[0][c] += value;
+                        sums[1][c] += value * value;
+                    }
                 }
             };
             let (texels, mut next) = (self.panorama.row(row), 0);
@@ -410,10 +414,10 @@ impl<'a> Rest<'a> {
                 next = column + 1;
             }
             add(&texels[next..]);
-            sum.map(|s| s * self.panorama.solid_angle(row))
+            sums.map(|sums| sums.map(|sum| sum * self.panorama.solid_angle(row)))
         };
-        let rows: Vec<[f64; 3]> = (0..height).into_par_iter().map(of_row).collect();
-        std::array::from_fn(|c| rows.iter().map(|row| row[c]).sum())
+        let rows: Vec<[[f64; 3]; 2]> = (0..height).into_par_iter().map(of_row).collect();
+        std::array::from_fn(|i| std::array::from_fn(|c| rows.iter().map(|row| row[i][c]).sum()))
     }
 }
 
