@@ -26,6 +26,7 @@ use crate::environment::Layout;
 use crate::environment::spherical_harmonics::IrradianceFit;
 use crate::environment::{CubeFit, CubeLookup};
 use crate::error::{Error, Result};
+use crate::format::{self, Container, Decoded, FileKind, Texture};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
 use crate::recipe::{EnvironmentRecipe, TableRecipe};
@@ -342,6 +343,38 @@ impl Default for Certificate {
 
 fn unprintable(e: serde_json::Error) -> Error {
     Error::unsupported(format!("a certificate that JSON cannot hold: {e}"), "report this as a bug")
+}
+
+/// What the file at `path` holds: [`crate::format::read`], and of bare texels what the certificate beside them says that they are.
+///
+/// **Errors**: a file that cannot be read, that Kiln does not read, or that is not what its certificate says.
+pub fn read(path: &Path) -> Result<Decoded> {
+    let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+    let decoded = match bare_texture(path, &bytes) {
+        Ok(Some(texture)) => Ok(Decoded::Texture(texture)),
+        Ok(None) => format::decode(&bytes),
+        Err(error) => Err(error),
+    };
+    decoded.map_err(|e| e.in_file(path))
+}
+
+/// The texture in `bytes`, the file at `path`, if they say nothing of themselves and the certificate beside them is of a table of bare
+/// texels; it is among the texture's metadata.
+///
+/// **Errors**: a broken certificate; bytes that are not what it says, without their path.
+pub fn bare_texture(path: &Path, bytes: &[u8]) -> Result<Option<Texture>> {
+    let beside = beside(path);
+    if !matches!(FileKind::of(bytes), FileKind::Other(_)) || !beside.is_file() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(&beside).map_err(|e| Error::reading(&beside, e))?;
+    let certificate = Certificate::from_json(&text).map_err(|e| e.in_file(&beside))?;
+    let Some(table) = certificate.table.filter(|table| table.format.container() == Container::Raw) else {
+        return Ok(None);
+    };
+    let mut texture = table.bare_texture(bytes)?;
+    texture.metadata.push((KEY.to_owned(), text));
+    Ok(Some(texture))
 }
 
 /// Where the certificate of a file stands: `dfg.ktx2` → `dfg.ktx2.certificate.json`.

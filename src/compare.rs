@@ -3,10 +3,13 @@
 //! A tolerance is in units of the last place of what the files store (the coarser of the two counts), or relative to the larger of
 //! the two values.
 
+use crate::certificate;
 use crate::error::{Error, Result};
-use crate::format::grid::{GridChannel, Stored};
+use crate::format::grid::{self, Described, GridChannel, Stored};
 use crate::format::{Grid, Image};
 use serde::Serialize;
+use std::borrow::Cow;
+use std::path::Path;
 use std::str::FromStr;
 
 /// By how much two values may differ.
@@ -56,6 +59,21 @@ impl FromStr for Tolerance {
     }
 }
 
+/// The levels of the file at `path`, to be compared: [`grid::levels`], and of bare texels that nothing is `described` of what the certificate
+/// beside them says.
+///
+/// **Errors**: those of [`grid::levels`] and of [`certificate::bare_texture`].
+pub fn levels(path: &Path, described: &Described) -> Result<Vec<Grid>> {
+    if described.shape.is_none() && described.number.is_none() {
+        let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
+        let bare = certificate::bare_texture(path, &bytes).map_err(|e| e.in_file(path))?;
+        if let Some(texture) = bare {
+            return grid::levels_of(&texture, "bare texels", described).map_err(|e| e.in_file(path));
+        }
+    }
+    grid::levels(path, described)
+}
+
 /// How one channel of one level differs.
 #[derive(Debug, Clone, Serialize)]
 pub struct Difference {
@@ -85,7 +103,7 @@ pub struct Difference {
     pub values: usize,
 }
 
-/// The levels of two files, each a grid, level 0 first.
+/// The levels of two files, each a grid, level 0 first; an alpha that is 1 everywhere is not looked at where the other file has none.
 ///
 /// **Errors**: other sizes, numbers of levels or of channels.
 pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Difference>> {
@@ -99,6 +117,8 @@ pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Diffe
     }
     let (mut differences, mut paired) = (vec![], vec![]);
     for (level, (a, b)) in a.iter().zip(b).enumerate() {
+        // Colour is stored with an alpha here and without one there.
+        let (a, b) = (&beside(a, b), &beside(b, a));
         if (a.size, a.channels.len()) != (b.size, b.channels.len()) {
             return Err(Error::invalid(
                 format!("{} against {} at level {level}", shape(a), shape(b)),
@@ -112,6 +132,16 @@ pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Diffe
             .extend(paired.iter().enumerate().map(|(c, &other)| difference(level, [a, b], [c, other], tolerance)));
     }
     Ok(differences)
+}
+
+/// The grid to be set beside another: without its fourth channel if that is 1 everywhere and the other has three.
+fn beside<'a>(grid: &'a Grid, other: &Grid) -> Cow<'a, Grid> {
+    let is_opaque = || grid.values.iter().skip(3).step_by(4).all(|&alpha| alpha == 1.0);
+    if grid.channels.len() != 4 || other.channels.len() != 3 || !is_opaque() {
+        return Cow::Borrowed(grid);
+    }
+    let values = grid.values.chunks_exact(4).flat_map(|texel| texel[..3].iter().copied()).collect();
+    Cow::Owned(Grid { channels: grid.channels[..3].to_vec(), values, ..grid.clone() })
 }
 
 /// Channels up to which every order is tried.
@@ -208,6 +238,7 @@ fn place(grid: &Grid, texel: usize) -> [usize; 3] {
 ///
 /// **Errors**: grids of different shapes.
 pub fn map(a: &Grid, b: &Grid) -> Result<Image<f64>> {
+    let (a, b) = (&beside(a, b), &beside(b, a));
     if (a.size, a.channels.len()) != (b.size, b.channels.len()) {
         return Err(Error::invalid("two shapes", "compare files of the same shape"));
     }
@@ -242,6 +273,23 @@ mod tests {
         assert_eq!(map(&a, &b).unwrap().texels[1], found.max);
         let same = &compare(std::slice::from_ref(&a), std::slice::from_ref(&a), Tolerance::Ulps(0.0)).unwrap()[0];
         assert_eq!((same.different, same.max), (0, 0.0));
+    }
+
+    #[test]
+    fn an_alpha_of_ones_is_left_out_against_a_file_of_three_channels() {
+        let named = |numbers: &str, names: &[&str]| {
+            let channel = |name: &&str| GridChannel { name: (*name).to_owned(), stored: Stored::F32 };
+            let values = numbers.split(' ').map(|v| v.parse().unwrap()).collect();
+            Grid { size: [2, 1, 1], channels: names.iter().map(channel).collect(), values, source: String::new() }
+        };
+        let rgb = named("1 2 3 4 5 6", &["R", "G", "B"]);
+        let [opaque, not] =
+            ["1 2 3 1 4 5 6.5 1", "1 2 3 1 4 5 6 0.5"].map(|values| named(values, &["R", "G", "B", "A"]));
+        for [a, b] in [[&rgb, &opaque], [&opaque, &rgb]] {
+            let found = compare(std::slice::from_ref(a), std::slice::from_ref(b), Tolerance::Absolute(0.0)).unwrap();
+            assert_eq!(found.iter().map(|d| d.max).collect::<Vec<_>>(), [0.0, 0.0, 0.5]);
+        }
+        assert!(compare(std::slice::from_ref(&rgb), std::slice::from_ref(&not), Tolerance::Absolute(0.0)).is_err());
     }
 
     #[test]

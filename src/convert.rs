@@ -100,6 +100,10 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
     }
     let mut texture = Texture { levels: vec![], ..content.like.clone() };
     texture.format = content.texel_format(conversion.format)?;
+    content.notes.extend(conversion.format.size_warning([texture.width, texture.height]));
+    if conversion.format.container() == Container::Raw {
+        content.notes.push(format!("bare texels do not say that they are {} of {}", texture.text(), texture.format));
+    }
     content.fit_channels(texture.format.channels());
     texture.channels = content.channels.clone();
     if conversion.format.container().is_source() {

@@ -12,7 +12,7 @@ use crate::environment::{
     SphereLayout, View,
 };
 use crate::error::{Error, Result};
-use crate::format::{Container, FormatSpec, Packing};
+use crate::format::{Container, FormatSpec, Packing, Texture, raw};
 use crate::integrate::Settings;
 use crate::language::Language;
 use crate::math::fit::Fit;
@@ -411,6 +411,12 @@ impl TableRecipe {
                 return Err(Error::usage(format!("channel {name} is named twice"), "name each quantity once"));
             }
         }
+        if self.format.container() == Container::Env {
+            return Err(Error::usage(
+                "env holds the cubes of an environment, and no table",
+                "use png:rgbd, ktx2:rgbd or another of `kiln list formats`",
+            ));
+        }
         self.texel_format()?;
         Ok(())
     }
@@ -420,6 +426,16 @@ impl TableRecipe {
     /// **Errors**: more channels than the texel format has; a layout that the container does not have.
     pub fn texel_format(&self) -> Result<TexelFormat> {
         self.format.texel(self.arrangement()?.file_channels())
+    }
+
+    /// The texture that bare texels are: those of a `.raw` file, which says nothing of itself.
+    ///
+    /// **Errors**: another number of bytes than the recipe's table takes.
+    pub fn bare_texture(&self, bytes: &[u8]) -> Result<Texture> {
+        let arrangement = self.arrangement()?;
+        let [width, height, depth] = arrangement.size;
+        let depth = if arrangement.is_volume() { depth } else { 0 };
+        raw::decode(bytes, &Texture { depth, ..Texture::empty(self.texel_format()?, width, height) }, 1)
     }
 
     /// The named table `name` as it is unless told otherwise, for a file of that format.

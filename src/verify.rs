@@ -67,8 +67,6 @@ enum Content {
     Picture(Image),
     Texture(Texture),
     Array(Array),
-    /// Bytes that do not say what they are: raw texels.
-    Raw(Vec<u8>),
     Json(serde_json::Value),
 }
 
@@ -81,11 +79,12 @@ impl Content {
             FileKind::Other(_) if is_json => serde_json::from_slice(&bytes)
                 .map(Self::Json)
                 .map_err(|e| Error::invalid(format!("broken JSON: {e}"), "bake it again")),
-            FileKind::Other(_) if certificate::beside(path).exists() => Ok(Self::Raw(bytes)),
-            FileKind::Other(kind) => Err(Error::unsupported(
-                format!("{kind}, which Kiln did not bake"),
-                "give a file that Kiln baked, with its certificate, or a table in a file that it reads",
-            )),
+            FileKind::Other(kind) => certificate::bare_texture(path, &bytes)?.map(Self::Texture).ok_or_else(|| {
+                Error::unsupported(
+                    format!("{kind}, which Kiln did not bake"),
+                    "give a file that Kiln baked, with its certificate, or a table in a file that it reads",
+                )
+            }),
             _ => decode(&bytes).map(|decoded| match decoded {
                 Decoded::Picture(image, _) => Self::Picture(image),
                 Decoded::Texture(texture) => Self::Texture(texture),
@@ -100,7 +99,7 @@ impl Content {
             Self::Picture(image) => image.metadata(certificate::KEY),
             Self::Texture(texture) => texture.metadata(certificate::KEY),
             Self::Array(array) => array.metadata(certificate::KEY),
-            Self::Raw(_) | Self::Json(_) => None,
+            Self::Json(_) => None,
         }
     }
 
@@ -109,7 +108,6 @@ impl Content {
         match self {
             Self::Picture(_) | Self::Array(_) => true,
             Self::Texture(texture) => texture.faces == 1,
-            Self::Raw(_) => false,
             // Spherical harmonics and the like say what they are.
             Self::Json(value) => value.get("schema").is_none(),
         }

@@ -160,7 +160,7 @@ impl EnvironmentValues<'_> {
                 checks.extend(self.against_view(level, view, panorama, sum, seed.wrapping_add(index as u64)));
                 continue;
             }
-            if alpha * level.size as f64 >= resolved(self.layout) {
+            if alpha * level.size as f64 >= resolved(self.layout) && !self.is_clamped(level) {
                 checks.push(mean_check(&self.map(level), level, panorama, self.mean_packing(level)));
             }
             sum.prepare();
@@ -233,6 +233,14 @@ impl EnvironmentValues<'_> {
             }
         }
         (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
+    }
+
+    /// Whether packing brought values of the level to the largest that there is: then their light is gone, which is counted and warned of, and
+    /// the level's mean is not the input's. (Each texel is still judged, by what it can hold.)
+    fn is_clamped(&self, level: &CubeLevel) -> bool {
+        let Some(format) = self.precision.format() else { return false };
+        let reaches = |c: usize, value: f64| value + self.precision.tolerance(c, value) >= format.largest(c);
+        level.texels.iter().any(|texel| (0..3).any(|c| reaches(c, texel[c].into())))
     }
 
     /// The brightest value of each block, where texels are stored in such.

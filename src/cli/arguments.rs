@@ -1,5 +1,6 @@
 //! Arguments that several verbs share.
 
+use super::console::Console;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, ValueEnum};
 use kiln::Result;
 use kiln::engine::{self, Engine};
@@ -138,12 +139,26 @@ pub struct EngineArgs {
 }
 
 impl EngineArgs {
-    /// The engine.
+    /// The engine; one of which nothing could be read is warned of.
     ///
     /// **Errors**: an unknown one.
-    pub fn engine(&self) -> Result<Option<&'static Engine>> {
-        self.engine.as_deref().map(engine::find).transpose()
+    pub fn engine(&self, console: &Console) -> Result<Option<&'static Engine>> {
+        let engine = self.engine.as_deref().map(engine::find).transpose()?;
+        engine.into_iter().for_each(|engine| warn_if_experimental(engine, console));
+        Ok(engine)
     }
+}
+
+/// Says of an engine of which nothing could be read that it is so.
+pub fn warn_if_experimental(engine: &Engine, console: &Console) {
+    if engine.is_experimental() {
+        console.warn(&format!("{} is experimental: {}", engine.name, engine.from_memory.join("; ")));
+    }
+}
+
+/// What `--as-shipped` comes to where it changes nothing.
+pub fn no_own_numbers(whose: &str) -> String {
+    format!("--as-shipped: no numbers of its own are known of {whose} but the right ones, which are baked")
 }
 
 /// `--fit`, in words.

@@ -1,6 +1,6 @@
 //! `kiln bake`: everything that a recipe lists.
 
-use super::arguments::{IntegrationArgs, ShaderArgs};
+use super::arguments::{IntegrationArgs, ShaderArgs, no_own_numbers, warn_if_experimental};
 use super::console::Console;
 use super::env::bake_environment;
 use super::table::{bake_array, bake_table};
@@ -94,8 +94,9 @@ impl Bake {
         }
         let engines = self.engine.iter().map(|name| engine::find(name)).collect::<Result<Vec<_>>>()?;
         for engine in &engines {
-            if engine.is_experimental() {
-                console.warn(&format!("{} is experimental: {}", engine.name, engine.from_memory.join("; ")));
+            warn_if_experimental(engine, console);
+            if self.as_shipped && !engine.has_own_numbers() {
+                console.warn(&no_own_numbers(engine.name));
             }
             if !self.environments.is_empty() && engine.environment.is_none() {
                 console.warn(&format!("{} reads no filtered environment; its tables alone are baked", engine.name));

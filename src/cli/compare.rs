@@ -3,8 +3,7 @@
 use super::console::{Console, columns, printable};
 use super::foreign::DescribedArgs;
 use clap::Args;
-use kiln::compare::{Difference, Tolerance, compare, map};
-use kiln::format::grid::levels;
+use kiln::compare::{Difference, Tolerance, compare, levels, map};
 use kiln::format::{atomic, exr};
 use kiln::pack::Number;
 use kiln::{Error, Result};

@@ -2,9 +2,10 @@
 
 use super::console::Console;
 use clap::{Args, ValueEnum};
+use kiln::certificate;
 use kiln::convert::{Conversion, Report, Shape, convert, usual_format};
 use kiln::environment::SphereLayout;
-use kiln::format::{self, Container, FormatSpec, atomic};
+use kiln::format::{Container, FormatSpec, atomic};
 use kiln::{Error, Result};
 use std::path::PathBuf;
 
@@ -15,7 +16,7 @@ use std::path::PathBuf;
                   flag says what becomes of them."
 )]
 pub struct Convert {
-    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, source code that it wrote, or .raw beside its certificate
     input: PathBuf,
     /// File to write
     output: PathBuf,
@@ -89,7 +90,7 @@ impl From<FromName> for SphereLayout {
 
 impl Convert {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let decoded = format::read(&self.input)?;
+        let decoded = certificate::read(&self.input)?;
         let format = match self.format {
             Some(format) => format,
             None => usual_format(self.container()?, &decoded)?,

@@ -4,6 +4,7 @@ use super::console::Console;
 use kiln::Result;
 use kiln::engine::{ENGINES, Engine, EngineEnvironment, EngineTable, Levels};
 use kiln::environment::{KernelKind, ShConvention};
+use kiln::format::FormatSpec;
 use kiln::recipe::IrradianceKind;
 use kiln::table::{Axis, Parameter, Sampling, TableSpec, named};
 use serde::Serialize;
@@ -73,14 +74,13 @@ struct EnvironmentRow {
     /// What the engine's own baker fills the levels for, where that is something else.
     roughness_as_shipped: Option<Vec<f64>>,
     kernel: &'static str,
-    /// The world's direction that each face holds, of u to the right and v down: +X −X +Y −Y +Z −Z.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// The world's direction that each face holds, of u to the right and v down: +X −X +Y −Y +Z −Z; null where the layout has no faces.
     faces: Option<[[&'static str; 3]; 6]>,
     orientation: String,
     mirror: bool,
     irradiance: &'static str,
     irradiance_size: usize,
-    sh: Option<ShRow>,
+    sh: ShRow,
     format: &'static str,
     irradiance_format: &'static str,
     specular_file: &'static str,
@@ -156,11 +156,7 @@ impl FileRow {
 impl EnvironmentRow {
     fn new(preset: &EngineEnvironment) -> Result<Self> {
         let orientation = preset.orientation()?;
-        let sh = (preset.sh != ShConvention::Kiln).then(|| ShRow {
-            convention: preset.sh.name(),
-            order: preset.sh.order(),
-            holds: preset.sh.holds(),
-        });
+        let sh = ShRow { convention: preset.sh.name(), order: preset.sh.order(), holds: preset.sh.holds() };
         Ok(Self {
             layout: preset.layout.name(),
             size: preset.size,
@@ -221,10 +217,21 @@ fn text(engine: &Engine) -> Result<String> {
     }
     if let Some(preset) = &engine.environment {
         lines.push(format!("  {}", environment_flags(preset)?));
+        let maps = [("specular", preset.specular_file, preset.format)];
+        let irradiance = (preset.irradiance == IrradianceKind::Cube).then_some(preset.irradiance_file);
+        let irradiance = irradiance.map(|file| ("irradiance", file, preset.irradiance_format));
+        lines.extend(names_of(&maps.into_iter().chain(irradiance).collect::<Vec<_>>())?);
         if preset.has_sheen() {
-            lines.push(format!("  {}, of which {} is the file", sheen_flags(preset)?, preset.sheen_file));
+            lines.push(format!("  {}", sheen_flags(preset)?));
+            lines.extend(names_of(&[("specular", preset.sheen_file, preset.format)])?);
         }
-        lines.push(format!("  its shader reads level {}, L the last level, r roughness", preset.roughness.formula()));
+        let n = preset.n_levels(preset.size);
+        let last = match preset.levels {
+            Levels::DownTo(last) => format!(", down to {last} texels"),
+            Levels::Count(_) => String::new(),
+        };
+        let formula = preset.roughness.formula();
+        lines.push(format!("  {n} levels{last}; its shader reads level {formula}, L the last level, r roughness"));
     }
     let notes = [
         ("read in", engine.sources),
@@ -239,6 +246,16 @@ fn text(engine: &Engine) -> Result<String> {
     Ok(lines.join("\n") + "\n")
 }
 
+/// What the engine calls the files of an environment, each of which has the name that Kiln gives it, the engine's and its format.
+fn names_of(maps: &[(&str, &str, &str)]) -> Result<Option<String>> {
+    let mut names = vec![];
+    for (kiln, own, format) in maps.iter().filter(|(_, own, _)| !own.is_empty()) {
+        let format: FormatSpec = format.parse()?;
+        names.push(format!("{kiln}.{} is {}", format.extension(), own.replace("{name}", "NAME")));
+    }
+    Ok((!names.is_empty()).then(|| format!("  as the engine calls them: {}", names.join(", "))))
+}
+
 /// The table without its preset.
 fn table_flags(table: &EngineTable) -> Result<String> {
     // Channels and axes are given: any table's name will do where none is this one's.
@@ -249,7 +266,7 @@ fn table_flags(table: &EngineTable) -> Result<String> {
         "kiln table {name} -o {} --format {} --channels {} --axes {}",
         table.file,
         recipe.format,
-        table.channels.join(","),
+        quoted(&table.channels.join(",")),
         axes.join(",")
     );
     if recipe.model.smith != Default::default() {
@@ -264,16 +281,21 @@ fn table_flags(table: &EngineTable) -> Result<String> {
     Ok(flags)
 }
 
+/// The word as a shell takes it: brackets and stars mean something to it.
+fn quoted(word: &str) -> String {
+    let is_plain = word.chars().all(|c| c.is_ascii_alphanumeric() || ".,:/+-_=".contains(c));
+    if is_plain { word.to_owned() } else { format!("'{word}'") }
+}
+
 /// The environment without its preset, and no more than both its chains have.
 fn chain_flags(preset: &EngineEnvironment, roughness: &[f64], kernel: KernelKind) -> Result<String> {
-    // Four digits are what a person reads; --json has them all.
-    let rounded: Vec<String> =
-        (roughness.iter()).map(|r| format!("{r:.4}").trim_end_matches('0').trim_end_matches('.').to_owned()).collect();
+    // All digits: a level of 0.134 is another file than one of 0.1339745962155614.
+    let roughness: Vec<String> = roughness.iter().map(f64::to_string).collect();
     Ok(format!(
         "kiln env INPUT --out DIR{} --size {} --roughness {} --format {} --orientation {} --kernel {}",
         if preset.layout.is_cube() { String::new() } else { format!(" --layout {}", preset.layout) },
         preset.size,
-        rounded.join(","),
+        roughness.join(","),
         preset.format,
         preset.orientation()?,
         kernel.name()
@@ -286,7 +308,6 @@ fn sheen_flags(preset: &EngineEnvironment) -> Result<String> {
 }
 
 fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
-    let n = preset.n_levels(preset.size);
     let mut flags = chain_flags(preset, &preset.level_roughness(preset.size, false), preset.kernel)?;
     flags += &format!(" --irradiance {}", preset.irradiance.name());
     if preset.irradiance == IrradianceKind::Cube {
@@ -298,8 +319,66 @@ fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
     if preset.sh != ShConvention::Kiln {
         flags += &format!(" --sh {}", preset.sh.name());
     }
-    if let Levels::DownTo(last) = preset.levels {
-        flags += &format!(" ({n} levels, down to {last} texels)");
-    }
     Ok(flags)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Cli, Verb};
+    use super::*;
+    use clap::Parser;
+    use kiln::recipe::{EnvironmentRecipe, TableRecipe};
+
+    const QUIET: Console = Console { json: false, quiet: true };
+    const INPUT: &str = "builtin:sky";
+
+    /// A command's words as a shell parts them: blanks do, but not between quotes.
+    fn words(command: &str) -> Vec<String> {
+        let quoted = command.split('\'').enumerate();
+        let marked: String =
+            quoted.map(|(i, part)| if i % 2 == 1 { part.replace(' ', "\0") } else { part.to_owned() }).collect();
+        marked.split(' ').map(|word| word.replace('\0', " ").replace("INPUT", INPUT)).collect()
+    }
+
+    fn verb(command: &str) -> Verb {
+        Cli::try_parse_from(words(command)).unwrap_or_else(|e| panic!("{command}: {e}")).verb
+    }
+
+    /// What neither changes a map nor is in a preset's gift: where it lies, and the size of an irradiance that there is not.
+    fn of_no_matter(recipe: EnvironmentRecipe) -> EnvironmentRecipe {
+        let irradiance_size = if recipe.irradiance == IrradianceKind::Cube { recipe.irradiance_size } else { 0 };
+        let irradiance_format = Some(recipe.format_of_irradiance());
+        let (directory, specular_file, irradiance_file) = (String::new(), None, None);
+        EnvironmentRecipe { directory, specular_file, irradiance_file, irradiance_size, irradiance_format, ..recipe }
+    }
+
+    #[test]
+    fn the_flags_of_every_engine_are_its_preset() {
+        for engine in ENGINES {
+            let text = text(engine).unwrap();
+            let commands = |start| text.lines().map(str::trim).filter(move |line| line.starts_with(start));
+            let wanted: Vec<TableRecipe> = engine.tables.iter().map(|table| table.recipe(false).unwrap()).collect();
+            let found = commands("kiln table ").map(|command| match verb(command) {
+                Verb::Table(table) => table.recipe(&QUIET).unwrap().0,
+                other => panic!("{other:?}"),
+            });
+            assert_eq!(found.collect::<Vec<_>>(), wanted, "{}", engine.name);
+            let own = engine.environment_recipe(INPUT, false).unwrap();
+            let wanted = own.into_iter().chain(engine.sheen_recipe(INPUT).unwrap()).map(of_no_matter);
+            let found = commands("kiln env ").map(|command| match verb(command) {
+                Verb::Env(env) => of_no_matter(env.recipe(INPUT, &QUIET).unwrap()),
+                other => panic!("{other:?}"),
+            });
+            assert_eq!(found.collect::<Vec<_>>(), wanted.collect::<Vec<_>>(), "{}", engine.name);
+        }
+    }
+
+    #[test]
+    fn a_shell_takes_every_word_as_it_stands() {
+        for command in ENGINES.iter().flat_map(|engine| engine.tables).map(|table| table_flags(table).unwrap()) {
+            let bare: String = command.split('\'').step_by(2).collect();
+            assert!(!bare.contains(|c| "()*?<>|&;$`\\\"#!{}[]~".contains(c)), "{command}");
+        }
+        assert_eq!((quoted("a:y/(1+y),b"), quoted("ggx.f82:*16")), ("'a:y/(1+y),b'".into(), "'ggx.f82:*16'".into()));
+    }
 }

@@ -1,7 +1,7 @@
 //! `kiln env`: one environment.
 
 use super::adjustment::AdjustArgs;
-use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs};
+use super::arguments::{EngineArgs, FitName, IntegrationArgs, ShaderArgs, no_own_numbers};
 use super::console::Console;
 use super::packing::{Packed, warn_of_packing};
 use clap::{Args, ValueEnum};
@@ -259,8 +259,8 @@ impl Env {
     }
 
     /// The preset's recipe or the usual one, where flags beat what was there.
-    fn recipe(&self, input: &str, console: &Console) -> Result<EnvironmentRecipe> {
-        let (engine, as_shipped) = (self.engine.engine()?, self.engine.as_shipped);
+    pub(super) fn recipe(&self, input: &str, console: &Console) -> Result<EnvironmentRecipe> {
+        let (engine, as_shipped) = (self.engine.engine(console)?, self.engine.as_shipped);
         let mut recipe = match engine {
             None => EnvironmentRecipe::new(input),
             Some(engine) => engine.environment_recipe(input, as_shipped)?.ok_or_else(|| {
@@ -345,6 +345,9 @@ impl Env {
         recipe.integration = self.integration.over(recipe.integration);
         recipe.adjust = self.adjust.adjustment();
         if let Some(engine) = engine {
+            if as_shipped && engine.environment.as_ref().is_some_and(|preset| preset.as_shipped.is_none()) {
+                console.warn(&no_own_numbers(&format!("{}'s environment", engine.name)));
+            }
             for departure in engine.environment_departures(&recipe, as_shipped)? {
                 console.warn(&departure);
             }
@@ -450,10 +453,21 @@ pub fn bake_environment(
         levels.join(", "),
         baked.certificate.checks.len()
     ));
+    let maps = [Some((recipe.format, recipe.size)), irradiance_of(recipe)];
+    for (format, size) in maps.into_iter().flatten() {
+        if let Some(warning) = format.size_warning(recipe.layout.shape(size).0) {
+            console.warn(&format!("{}: {warning}", target.display()));
+        }
+    }
     let brightest = source.panorama.max().into_iter().fold(0.0, |most: f32, v| most.max(v)).into();
     let packed = Packed::Maps { layout: recipe.layout, adjust: &recipe.adjust, brightest };
     warn_of_packing(console, &target.display().to_string(), recipe.format, packed, &baked.certificate.packing)?;
     Ok(baked.certificate)
+}
+
+/// The format and size of the irradiance map, where there is one.
+fn irradiance_of(recipe: &EnvironmentRecipe) -> Option<(FormatSpec, usize)> {
+    (recipe.irradiance == IrradianceKind::Cube).then(|| (recipe.format_of_irradiance(), recipe.irradiance_size))
 }
 
 /// What fitting did to the levels.

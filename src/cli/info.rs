@@ -7,6 +7,7 @@ use kiln::bake::SunFile;
 use kiln::certificate::{self, Certificate, Level};
 use kiln::environment::{Negatives, NonFinite, Panorama, Photometry, Unit, extract_sun};
 use kiln::format::{Array, Decoded, FileKind, Image, Texture, decode};
+use kiln::pack::PackReport;
 use kiln::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Say what a file is: size, format, values, and where it came from
 #[derive(Debug, Args)]
 pub struct Info {
-    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, source code that it wrote, or .raw beside its certificate
     #[arg(required = true)]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -84,8 +85,11 @@ impl Info {
 
 fn facts(path: &Path, unit: Unit) -> Result<Facts> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-    let kind = FileKind::of(&bytes).name();
-    let mut facts = match decode(&bytes)? {
+    let (kind, decoded) = match certificate::bare_texture(path, &bytes)? {
+        Some(texture) => ("bare texels of", Decoded::Texture(texture)),
+        None => (FileKind::of(&bytes).name(), decode(&bytes)?),
+    };
+    let mut facts = match decoded {
         Decoded::Picture(image, _) => of_image(path, kind, image, unit),
         Decoded::Texture(texture) => of_texture(path, kind, texture),
         Decoded::Array(array) => of_array(path, kind, array),
@@ -269,6 +273,7 @@ fn text(facts: &Facts) -> String {
                     fit.exact.channel, fit.exact.max, fit.exact.rms
                 );
             }
+            text += &packed(&c.packing);
             let layout = c.environment.as_ref().map(|recipe| recipe.layout).unwrap_or_default();
             for level in &c.levels {
                 text += &format!(
@@ -293,6 +298,24 @@ fn text(facts: &Facts) -> String {
         }
     }
     printable(&(text + "\n"))
+}
+
+/// What packing changed, if it changed anything.
+fn packed(packing: &PackReport) -> String {
+    if *packing == PackReport::default() {
+        return String::new();
+    }
+    let PackReport { max_abs_error, overflowed, negative, nonfinite, max_block_error, max_transcoded_error } = packing;
+    let mut text = format!(
+        "  packing: off by at most {max_abs_error:.1e}; {overflowed} overflowed, {negative} below zero, {nonfinite} not finite"
+    );
+    if *max_block_error > 0.0 {
+        text += &format!("; of a block's brightest value at most {:.2} %", 100.0 * max_block_error);
+    }
+    if *max_transcoded_error > 0.0 {
+        text += &format!(", and {:.2} % where it is transcoded to bc6h", 100.0 * max_transcoded_error);
+    }
+    text + "\n"
 }
 
 /// What a shader sees of a level.

@@ -16,16 +16,16 @@ pub struct Man {
 
 impl Man {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let mut command = super::Cli::command();
+        // `help` has no page of its own to refer to.
+        let mut command = super::Cli::command().disable_help_subcommand(true);
         command.build();
         let Some(folder) = &self.folder else {
             let (_, page) = page(&command)?;
             return console.print(&String::from_utf8_lossy(&page));
         };
         std::fs::create_dir_all(folder).map_err(|e| Error::writing(folder, e))?;
-        let verbs = command.get_subcommands().filter(|verb| verb.get_name() != "help");
         let mut staged = Staged::default();
-        for described in std::iter::once(&command).chain(verbs) {
+        for described in std::iter::once(&command).chain(command.get_subcommands()) {
             let (name, page) = page(described)?;
             staged.add(&folder.join(&name), &page)?;
         }
@@ -40,6 +40,7 @@ fn page(command: &Command) -> Result<(String, Vec<u8>)> {
     Page::new(command.clone())
         .title(name.to_uppercase())
         .section("1")
+        .source(concat!("kiln ", env!("CARGO_PKG_VERSION")))
         .render(&mut roff)
         .map_err(|e| Error::writing(Path::new("the manual"), e))?;
     Ok((format!("{name}.1"), roff))

@@ -2,15 +2,16 @@
 
 use super::console::Console;
 use clap::Args;
-use kiln::format::{Decoded, atomic, decode};
+use kiln::certificate;
+use kiln::format::{Decoded, atomic};
 use kiln::report::{self, Preview};
 use kiln::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Draw a preview of a table, panorama or cube as PNG, to look at
 #[derive(Debug, Args)]
 pub struct Show {
-    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, or source code that it wrote
+    /// Any file that Kiln reads: .exr, .hdr, .ktx2, .ktx, .dds, .png, .env, .npy, source code that it wrote, or .raw beside its certificate
     file: PathBuf,
     /// PNG file to write
     #[arg(long, short, value_name = "FILE.png")]
@@ -22,15 +23,15 @@ pub struct Show {
 
 impl Show {
     pub fn run(&self, console: &Console) -> Result<()> {
-        let preview = self.preview(&self.file).map_err(|e| e.in_file(&self.file))?;
+        let decoded = certificate::read(&self.file)?;
+        let preview = self.preview(decoded).map_err(|e| e.in_file(&self.file))?;
         atomic::write(&self.output, &preview.png()?)?;
         console.note(&format!("{}: {} × {}", self.output.display(), preview.width, preview.height));
         Ok(())
     }
 
-    fn preview(&self, path: &Path) -> Result<Preview> {
-        let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-        match decode(&bytes)? {
+    fn preview(&self, decoded: Decoded) -> Result<Preview> {
+        match decoded {
             Decoded::Texture(texture) if texture.faces == 6 => report::cube(&texture, self.exposure),
             Decoded::Texture(texture) => {
                 let slices: Vec<Vec<f32>> = (0..texture.layers(0)).filter_map(|z| texture.face(0, z)).collect();

@@ -1,6 +1,8 @@
 //! `kiln table`: one table.
 
-use super::arguments::{Channels, EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs};
+use super::arguments::{
+    Channels, EngineArgs, FitName, IntegrationArgs, ModelArgs, ParameterArgs, ShaderArgs, no_own_numbers,
+};
 use super::console::Console;
 use super::packing::{Packed, warn_of_packing};
 use clap::Args;
@@ -71,8 +73,8 @@ impl Table {
         if console.json { console.print_json(&certificate) } else { Ok(()) }
     }
 
-    fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
-        let preset = match self.engine.engine()? {
+    pub(super) fn recipe(&self, console: &Console) -> Result<(TableRecipe, PathBuf)> {
+        let preset = match self.engine.engine(console)? {
             Some(engine) => Some((engine, engine.table(&self.name)?)),
             None => None,
         };
@@ -102,6 +104,9 @@ impl Table {
         recipe.fit = self.fit.into();
         recipe.integration = self.integration.over(recipe.integration);
         if let Some((engine, table)) = preset {
+            if self.engine.as_shipped && table.as_shipped.is_none() {
+                console.warn(&no_own_numbers(&format!("{}'s {}", engine.name, table.name)));
+            }
             for departure in engine.table_departures(table, &recipe, self.engine.as_shipped)? {
                 console.warn(&departure);
             }
@@ -242,6 +247,10 @@ fn report(console: &Console, certificate: &Certificate, recipe: &TableRecipe, pa
         let [rms, max] = [0, 1].map(|i| format!("{:.1e} instead of {:.1e}", after[i], before[i]));
         let fate = if fit.kept { "" } else { "; exact texels are kept" };
         console.note(&format!("{channel} through bilinear filtering: RMS {rms}, at most {max}{fate}"));
+    }
+    let [width, height, _] = recipe.arrangement()?.size;
+    if let Some(warning) = recipe.format.size_warning([width, height]) {
+        console.warn(&format!("{}: {warning}", path.display()));
     }
     let packed = Packed::Table(recipe.channels.len());
     warn_of_packing(console, &path.display().to_string(), recipe.format, packed, &certificate.packing)

@@ -253,6 +253,12 @@ impl Engine {
         self.sources.is_empty()
     }
 
+    /// Whether numbers of its own are known that differ from the right ones.
+    pub fn has_own_numbers(&self) -> bool {
+        let of_environment = self.environment.as_ref().is_some_and(|preset| preset.as_shipped.is_some());
+        of_environment || self.tables.iter().any(|table| table.as_shipped.is_some())
+    }
+
     /// The engine's table that `kiln table NAME` means.
     ///
     /// **Errors**: the engine has none of that name; the message lists what it has.
@@ -327,11 +333,18 @@ pub fn name_of(input: &str) -> Result<String> {
 
 /// The engine of that name.
 ///
-/// **Errors**: an unknown name; the message lists near matches.
+/// **Errors**: an unknown name; the message lists near matches, or the engines that have it in their title.
 pub fn find(name: &str) -> Result<&'static Engine> {
     ENGINES.iter().copied().find(|engine| engine.name == name).ok_or_else(|| {
+        let word = name.to_lowercase();
+        let titled = |engine: &&&Engine| word.len() > 2 && engine.title.to_lowercase().contains(&word);
+        let by_title: Vec<_> = ENGINES.iter().filter(titled).map(|engine| engine.name).collect();
         let names: Vec<_> = ENGINES.iter().map(|engine| engine.name).collect();
-        Error::usage(format!("no engine is called {name:?}"), near_matches(name, &names, "kiln list engines"))
+        let way_out = match &by_title[..] {
+            [] => near_matches(name, &names, "kiln list engines"),
+            titled => format!("did you mean {}? see `kiln list engines`", titled.join(" or ")),
+        };
+        Error::usage(format!("no engine is called {name:?}"), way_out)
     })
 }
 
@@ -406,7 +419,19 @@ mod tests {
     fn an_unknown_engine_lists_near_matches() {
         let message = find("filamnet").unwrap_err().to_string();
         assert!(message.contains("did you mean filament?") && message.contains("kiln list engines"), "{message}");
-        assert!(find("unity").unwrap_err().to_string().contains("unity-hdrp"));
+        let refuse = |name: &str| find(name).unwrap_err().to_string();
+        for (name, meant) in [
+            ("Unity", "unity-hdrp"),
+            ("BEVY", "bevy"),
+            ("three.js", "threejs"),
+            ("Blender", "cycles or eevee"),
+            ("Unreal Engine", "unreal"),
+        ] {
+            assert!(refuse(name).contains(&format!("did you mean {meant}?")), "{}", refuse(name));
+        }
+        for nothing in ["ue5", "q", ""] {
+            assert!(refuse(nothing).ends_with("; see `kiln list engines`"), "{}", refuse(nothing));
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod stored;
 pub use described::{Described, RawNumber, Shape};
 pub use stored::Stored;
 
-use super::{Decoded, FileKind, decode};
+use super::{Decoded, FileKind, Texture, decode};
 use crate::error::{Error, Result};
 use crate::pack::TexelFormat;
 use serde::Serialize;
@@ -181,13 +181,18 @@ pub fn levels(path: &Path, described: &Described) -> Result<Vec<Grid>> {
             Ok(vec![Grid::decode(&bytes, described).map_err(|e| e.in_file(path))?])
         }
         kind => match decode(&bytes).map_err(|e| e.in_file(path))? {
-            Decoded::Texture(texture) => {
-                let level = |level| Grid::of_level(&texture, level, kind.text())?.only(described.layer);
-                (0..texture.levels.len()).map(level).collect()
-            }
+            Decoded::Texture(texture) => levels_of(&texture, kind.text(), described),
             _ => Ok(vec![Grid::decode(&bytes, described).map_err(|e| e.in_file(path))?]),
         },
     }
+}
+
+/// The same of a texture from a file of that kind, in words.
+///
+/// **Errors**: a layer that it has not.
+pub fn levels_of(texture: &Texture, source: &str, described: &Described) -> Result<Vec<Grid>> {
+    let level = |level| Grid::of_level(texture, level, source)?.only(described.layer);
+    (0..texture.levels.len()).map(level).collect()
 }
 
 fn letters(n: usize) -> Vec<String> {

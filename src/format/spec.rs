@@ -292,9 +292,41 @@ impl FormatSpec {
             Packing::Texel(format) if format.channels() >= channels => Ok(format),
             Packing::Texel(format) => Err(Error::usage(
                 format!("{self} holds {} channels, and {channels} were asked for", format.channels()),
-                "use ktx2:rgba16f or ktx2:rgba32f for up to four, or exr:f32 for any number",
+                format!("use {}", self.wider(format, channels)),
             )),
         }
+    }
+
+    /// The formats for more channels than the texel format has: the container's own, of the same numbers where it has those, else others.
+    fn wider(self, format: TexelFormat, channels: usize) -> String {
+        let has_room = |packing: &Packing| match packing {
+            Packing::Texel(other) => other.channels() >= channels && other.number().is_some(),
+            Packing::Number(_) => false,
+        };
+        let own: Vec<Packing> = self.container.packings().into_iter().filter(has_room).collect();
+        let alike = |packing: &&Packing| matches!(packing, Packing::Texel(other) if other.number() == format.number());
+        let same: Vec<Packing> = own.iter().filter(alike).copied().collect();
+        let spec = |packing: &Packing| Self { packing: *packing, variant: Variant::Plain, ..self }.to_string();
+        let found: Vec<String> = if same.is_empty() { &own } else { &same }.iter().map(spec).collect();
+        match (found.is_empty(), channels) {
+            (false, _) => format!("{}, or exr:f32 for any number", found.join(", ")),
+            (true, ..=4) => "ktx2:rgba16f or ktx2:rgba32f for up to four, or exr:f32 for any number".to_owned(),
+            (true, _) => "exr:f32 or npy:f32, which hold any number, or split them over several files".to_owned(),
+        }
+    }
+
+    /// What is wrong with a largest level of that size in the format: Direct3D takes textures in blocks only in whole ones (its
+    /// documentation, *Block Compression*). Nothing where all is well; smaller levels may be of any size.
+    pub fn size_warning(self, [width, height]: [usize; 2]) -> Option<String> {
+        let side = crate::pack::blocks::SIDE;
+        let whole = [width, height].map(|n| n.next_multiple_of(side));
+        (self.packing == Packing::Texel(TexelFormat::Bc6h) && whole != [width, height]).then(|| {
+            format!(
+                "{width} × {height} texels, which are no whole blocks of {side} × {side}, and which Direct3D refuses in bc6h; use multiples of \
+                 {side}, such as {} × {}",
+                whole[0], whole[1]
+            )
+        })
     }
 
     /// The usual format of a container for that many channels: halves where it holds them, else what comes closest to them.
@@ -517,5 +549,27 @@ mod tests {
         assert!(refuse("hdr:rgba16f").contains("hdr cannot hold"));
         assert!(refuse("dds:bc6h+legacy").contains("leave +legacy out"));
         assert!(refuse("png:rgb8unorm+zstd").contains("only KTX2"));
+    }
+
+    #[test]
+    fn a_format_of_too_few_channels_is_refused_with_those_of_the_container_that_have_enough() {
+        let refuse = |name: &str, n| name.parse::<FormatSpec>().unwrap().texel(n).unwrap_err().to_string();
+        for (name, n, way_out) in [
+            ("ktx1:rg16f", 3, "; use ktx1:rgb16f, ktx1:rgba16f, or exr:f32"),
+            ("dds:rg16f", 3, "; use dds:rgba16f, or exr:f32"),
+            ("ktx2:bc6h", 4, "; use ktx2:rgba16f, ktx2:rgba32f, ktx2:rgba8unorm, ktx2:rgba16unorm, or exr:f32"),
+            ("png:rgb8unorm", 4, "; use png:rgba8unorm, or exr:f32"),
+            ("hdr", 4, "; use ktx2:rgba16f or ktx2:rgba32f for up to four"),
+            ("ktx2:rgba16f", 5, "; use exr:f32 or npy:f32"),
+        ] {
+            assert!(refuse(name, n).contains(way_out), "{}", refuse(name, n));
+        }
+    }
+
+    #[test]
+    fn blocks_that_are_not_whole_are_warned_of_where_they_matter() {
+        let warning = |name: &str, size| name.parse::<FormatSpec>().unwrap().size_warning(size);
+        assert!(warning("dds:bc6h", [33, 30]).unwrap().contains("such as 36 × 32"));
+        assert_eq!((warning("dds:bc6h", [32, 4]), warning("ktx2:rgb9e5", [33, 33])), (None, None));
     }
 }

@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::math::frame::direction_with_cosine;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// What an [`Estimate`]'s error means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -153,9 +154,9 @@ pub struct Integration {
     /// What was asked for.
     pub settings: Settings,
     /// Points for integrals over one direction.
-    pub points2: monte_carlo::Points<2>,
+    pub points2: Arc<monte_carlo::Points<2>>,
     /// Points for integrals over one direction and one cosine.
-    pub points3: monte_carlo::Points<3>,
+    pub points3: Arc<monte_carlo::Points<3>>,
 }
 
 impl Integration {
@@ -172,7 +173,13 @@ impl Integration {
         }
         let (points2, points3) =
             (monte_carlo::Points::new(settings.seed), monte_carlo::Points::new(settings.seed ^ 0x9e37_79b9_7f4a_7c15));
-        Ok(Self { settings, points2, points3 })
+        Ok(Self { settings, points2: Arc::new(points2), points3: Arc::new(points3) })
+    }
+
+    /// The same with the tolerance of one witness divided by `times`, for values whose errors will grow so much.
+    pub fn tightened(&self, monte_carlo: bool, times: f64) -> Self {
+        let settings = Settings { tolerance: Some(self.tolerance_of(monte_carlo) / times), ..self.settings };
+        Self { settings, points2: Arc::clone(&self.points2), points3: Arc::clone(&self.points3) }
     }
 
     /// Whether a quantity that has both witnesses is computed by the random one.

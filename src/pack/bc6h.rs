@@ -22,7 +22,7 @@ pub const MAX: f64 = binary16::MAX;
 /// The blocks of a picture of three values per texel, row by row, and what that changed; nothing from no texels.
 pub fn pack<T: Copy + Into<f64>>(width: usize, height: usize, values: &[T]) -> (Vec<u8>, PackReport) {
     let size = [width, height];
-    blocks::pack(size, values, MAX, |texels| compress(size, texels), |bytes| unpack(width, height, bytes))
+    blocks::pack(size, values, MAX, |texels| compress(size, texels), |bytes| unpack(width, height, bytes), None)
 }
 
 fn compress([width, height]: [usize; 2], texels: &[[f64; 3]]) -> Vec<u8> {

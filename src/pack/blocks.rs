@@ -32,15 +32,20 @@ pub fn brightest(width: usize, height: usize, values: &[f32]) -> Vec<f64> {
     brightest
 }
 
+/// What gives the values that a picture's blocks hold.
+type Unpack<'a> = &'a dyn Fn(&[u8]) -> Vec<f32>;
+
 /// The blocks of a picture of three values per texel, row by row, and what that changed; nothing from no texels.
 ///
-/// Values are brought into 0..=`largest` first and counted; `compress` makes the blocks of a picture's texels, `unpack` its values again.
+/// Values are brought into 0..=`largest` first and counted; `compress` makes the blocks of a picture's texels, `unpack` its values again, and
+/// `transcoded` those of what others make of the blocks, where they do.
 pub(super) fn pack<T: Copy + Into<f64>>(
     [width, height]: [usize; 2],
     values: &[T],
     largest: f64,
     compress: impl Fn(&[[f64; 3]]) -> Vec<u8>,
     unpack: impl Fn(&[u8]) -> Vec<f32>,
+    transcoded: Option<Unpack>,
 ) -> (Vec<u8>, PackReport) {
     let mut report = PackReport::default();
     if width * height == 0 || values.len() < 3 * width * height {
@@ -50,22 +55,32 @@ pub(super) fn pack<T: Copy + Into<f64>>(
         values.chunks_exact(3).take(width * height).map(|t| [0, 1, 2].map(|c| t[c].into())).collect();
     let fitted: Vec<[f64; 3]> = given.iter().map(|&texel| triple::fit(texel, [largest; 3], &mut report)).collect();
     let blocks = compress(&fitted);
-    let decoded = unpack(&blocks);
-    let brightest = brightest(width, height, &decoded);
-    for (i, ((given, fitted), decoded)) in given.iter().zip(&fitted).zip(decoded.chunks_exact(3)).enumerate() {
+    let errors = |decoded: &[f32]| errors([width, height], &given, &fitted, decoded);
+    (report.max_abs_error, report.max_block_error) = errors(&unpack(&blocks));
+    if let Some(unpack) = transcoded {
+        (_, report.max_transcoded_error) = errors(&unpack(&blocks));
+    }
+    (blocks, report)
+}
+
+/// The largest error of decoded texels, and the largest in parts of the brightest value of its block.
+fn errors([width, height]: [usize; 2], given: &[[f64; 3]], fitted: &[[f64; 3]], decoded: &[f32]) -> (f64, f64) {
+    let brightest = brightest(width, height, decoded);
+    let (mut most, mut most_in_block) = (0.0_f64, 0.0_f64);
+    for (i, ((given, fitted), decoded)) in given.iter().zip(fitted).zip(decoded.chunks_exact(3)).enumerate() {
         let brightest = brightest[block_of(width, i)];
         for c in 0..3 {
             // What was clamped is counted instead.
             if given[c] == fitted[c] {
                 let off = (f64::from(decoded[c]) - given[c]).abs();
-                report.max_abs_error = report.max_abs_error.max(off);
+                most = most.max(off);
                 if off > 0.0 {
-                    report.max_block_error = report.max_block_error.max(off / brightest);
+                    most_in_block = most_in_block.max(off / brightest);
                 }
             }
         }
     }
-    (blocks, report)
+    (most, most_in_block)
 }
 
 /// The texels of a block, of a picture of that size.

@@ -63,6 +63,9 @@ pub struct PackReport {
     /// Of [`blocks`], the largest |unpacked − value| in parts of the brightest value of its block; 0 of every other format.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub max_block_error: f64,
+    /// Of [`uastc_hdr`], the same of what a machine without ASTC sees, for which the blocks are transcoded; 0 of every other format.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub max_transcoded_error: f64,
 }
 
 fn is_zero(value: &f64) -> bool {
@@ -78,6 +81,7 @@ impl PackReport {
             negative: self.negative + other.negative,
             nonfinite: self.nonfinite + other.nonfinite,
             max_block_error: self.max_block_error.max(other.max_block_error),
+            max_transcoded_error: self.max_transcoded_error.max(other.max_transcoded_error),
         }
     }
 }
@@ -252,11 +256,12 @@ pub(crate) mod tests {
 
     #[test]
     fn reports_merge_by_largest_error_and_summed_counts() {
-        let a = PackReport { max_abs_error: 0.5, overflowed: 1, negative: 2, nonfinite: 3, max_block_error: 0.0 };
-        let b = PackReport { max_abs_error: 0.25, overflowed: 10, negative: 20, nonfinite: 30, max_block_error: 0.125 };
-        assert_eq!(
-            a.merge(b),
-            PackReport { max_abs_error: 0.5, overflowed: 11, negative: 22, nonfinite: 33, max_block_error: 0.125 }
-        );
+        let report = |max_abs_error,
+                      [overflowed, negative, nonfinite]: [u64; 3],
+                      [max_block_error, max_transcoded_error]: [f64; 2]| {
+            PackReport { max_abs_error, overflowed, negative, nonfinite, max_block_error, max_transcoded_error }
+        };
+        let merged = report(0.5, [1, 2, 3], [0.0, 0.5]).merge(report(0.25, [10, 20, 30], [0.125, 0.25]));
+        assert_eq!(merged, report(0.5, [11, 22, 33], [0.125, 0.5]));
     }
 }

@@ -1,7 +1,7 @@
 //! Integrating a table, texel by texel.
 
 use super::axis::{Axis, LARGEST_SIZE};
-use super::quantity::{Handle, Model, Parameter, Point, evaluate_family};
+use super::quantity::{Handle, Model, Parameter, Point, evaluate_family_for};
 use super::transform::Transform;
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Estimate, Integration};
@@ -248,7 +248,8 @@ impl Evaluator {
     pub fn at(&self, at: &Point, integration: &Integration) -> Result<Vec<Estimate>> {
         let mut estimates = vec![Estimate::bound(f64::NAN, f64::NAN); self.n_channels];
         for part in &self.parts {
-            let values = evaluate_family(part.handle.family, at, &self.model, integration)?;
+            let stretch = part.fills.iter().map(|fill| fill.transform.stretch()).fold(1.0, f64::max);
+            let values = evaluate_family_for(part.handle.family, stretch, at, &self.model, integration)?;
             for fill in &part.fills {
                 estimates[fill.channel] = fill.transform.estimate(values[fill.index]);
             }

@@ -611,7 +611,8 @@ impl Handle {
     ///
     /// **Errors**: a missing parameter; a tolerance that the witness does not reach.
     pub fn evaluate(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Estimate> {
-        let estimate = self.transform.estimate(evaluate_family(self.family, at, model, integration)?[self.index]);
+        let values = evaluate_family_for(self.family, self.transform.stretch(), at, model, integration)?;
+        let estimate = self.transform.estimate(values[self.index]);
         self.reached_at(at, estimate, integration)
     }
 
@@ -672,6 +673,21 @@ pub fn evaluate_family(
     }
 }
 
+/// The same for values whose errors will grow `stretch` times before they are held against the tolerance.
+pub(super) fn evaluate_family_for(
+    family: &dyn Family,
+    stretch: f64,
+    at: &Point,
+    model: &Model,
+    integration: &Integration,
+) -> Result<Vec<Estimate>> {
+    if stretch == 1.0 {
+        return evaluate_family(family, at, model, integration);
+    }
+    let tightened = integration.tightened(is_monte_carlo(family, integration), stretch);
+    evaluate_family(family, at, model, &tightened)
+}
+
 /// The quantity of that name, of several the first.
 ///
 /// **Errors**: an unknown name; the message lists near matches.
@@ -705,12 +721,16 @@ const MOST_MATCHES: usize = 5;
 pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
     // `prefix.*` is mistyped where the prefix is.
     let wanted = name.trim_end_matches(['.', '*']);
+    // No name has a capital.
+    let wanted = &wanted.to_lowercase();
     let last = wanted.rsplit('.').next().unwrap_or(wanted);
     let family = |k: &str| k.split('.').next().map_or(usize::MAX, |family| distance(family, wanted));
+    // A word of which every letter is another is not mistyped.
+    let most = NEAR.min(wanted.chars().count().saturating_sub(1));
     let mut near: Vec<(usize, &str)> = known
         .iter()
         .map(|k| (distance(k, wanted).min(if name.ends_with('*') { family(k) } else { usize::MAX }), *k))
-        .filter(|(off, k)| *off <= NEAR || (!last.is_empty() && k.contains(last)))
+        .filter(|(off, k)| *off <= most || (!last.is_empty() && k.contains(last)))
         .collect();
     // Two lobes may have a quantity of the same name.
     near.sort_unstable();

@@ -126,6 +126,12 @@ impl Transform {
         self.steps().any(|step| step == Step::AtMostOne)
     }
 
+    /// By how many times an error may grow on the way: what makes a tolerance of the changed value one of the value.
+    pub fn stretch(&self) -> f64 {
+        // 0 is where the slope of y/(1 + y) is largest.
+        self.steps().map(|step| step.slope(0.0, 0.0)).product::<f64>().max(1.0)
+    }
+
     /// The estimate of the changed value, its error stretched as the value is, and widened by the rounding of each step.
     pub fn estimate(&self, mut estimate: Estimate) -> Estimate {
         for step in self.steps() {

@@ -6,7 +6,7 @@ use crate::certificate::Certificate;
 use crate::check::{Check, MOST_BLOCK_ERROR, Precision, TableValues};
 use crate::claim::model_words;
 use crate::error::{Error, Result};
-use crate::format::{Container, Texture, raw};
+use crate::format::Container;
 use crate::integrate::Integration;
 use crate::recipe::TableRecipe;
 use crate::table::TableSpec;
@@ -101,13 +101,6 @@ fn texels(content: &Content, spec: &TableSpec, recipe: &TableRecipe) -> Result<V
                 (0..n.min(image.channels.len())).collect()
             };
             image.texels.chunks_exact(image.channels.len()).flat_map(|t| order.iter().map(|&i| t[i])).collect()
-        }
-        Content::Raw(bytes) => {
-            let [width, height, depth] = arrangement.size;
-            let depth = if arrangement.is_volume() { depth } else { 0 };
-            let like = Texture { depth, ..Texture::empty(recipe.texel_format()?, width, height) };
-            let texture = raw::decode(bytes, &like, 1)?;
-            return texels(&Content::Texture(texture), spec, recipe);
         }
         Content::Array(array) => {
             let stored = recipe.texel_format()?.channels();

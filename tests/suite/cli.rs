@@ -721,8 +721,12 @@ fn completions_that_bash_would_read_are_a_script_that_bash_accepts() {
     let folder = folder();
     let script = succeed(folder.path(), &["completions", "bash"]).stdout;
     std::fs::write(folder.path().join("kiln.bash"), script).expect("a script");
-    match std::process::Command::new("bash").arg("-n").arg(folder.path().join("kiln.bash")).status() {
-        Ok(status) => assert!(status.success(), "bash does not accept it"),
+    let mut bash = std::process::Command::new("bash");
+    match bash.args(["-c", "source ./kiln.bash && complete -p kiln"]).current_dir(folder.path()).output() {
+        Ok(output) => {
+            let said = String::from_utf8_lossy(&output.stdout);
+            assert!(output.status.success() && said.contains("-F _kiln kiln"), "bash does not accept it: {said}");
+        }
         Err(e) => assert!(std::env::var_os("KILN_REQUIRE_TOOLS").is_none(), "no bash: {e}"),
     }
 }

@@ -5,11 +5,14 @@
 use crate::support::samples::Random;
 use crate::support::tools;
 use kiln::bake;
+use kiln::certificate;
+use kiln::compare::{Tolerance, compare, levels};
 use kiln::convert::{Conversion, Shape, convert};
 use kiln::environment::{SphereLayout, SphereMap};
+use kiln::format::grid::Described;
 use kiln::format::{self, Container, Decoded, FormatSpec, Texture, Variant, dds, hdr, ktx2};
 use kiln::pack::{Number, TexelFormat, bc6h};
-use kiln::recipe::{EnvironmentRecipe, TableRecipe};
+use kiln::recipe::{EnvironmentRecipe, IrradianceKind, TableRecipe};
 use kiln::verify::{self, Options};
 use std::path::{Path, PathBuf};
 
@@ -311,9 +314,10 @@ fn table(format: &str) -> TableRecipe {
     recipe
 }
 
-/// Whatever format a table is baked in, its file is verified from its bytes and its certificate alone, and a changed texel is found.
+/// Whatever format a table is baked in, its file is verified from its bytes and its certificate alone, converted and compared without loss, and a
+/// changed texel is found.
 #[test]
-fn tables_of_every_container_are_verified_and_a_changed_texel_is_found() {
+fn tables_of_every_container_are_verified_and_converted_and_a_changed_texel_is_found() {
     let folder = tempfile::tempdir().unwrap();
     for format in [
         "exr:f16",
@@ -352,6 +356,13 @@ fn tables_of_every_container_are_verified_and_a_changed_texel_is_found() {
         let report = verify::file(&path, Options::default()).unwrap_or_else(|e| panic!("{format}: {e}"));
         assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
         assert!(report.checks.len() > 3 && report.skipped.is_empty(), "{format}");
+        let decoded = certificate::read(&path).unwrap_or_else(|e| panic!("{format}: {e}"));
+        let (bytes, report) = convert(decoded, &conversion("exr:f32")).unwrap_or_else(|e| panic!("{format}: {e}"));
+        assert_eq!(report.max_error, 0.0, "{format}");
+        let [a, b] = [path.clone(), file(&folder, "converted.exr", &bytes)]
+            .map(|path| levels(&path, &Described::default()).unwrap_or_else(|e| panic!("{format}: {e}")));
+        let differences = compare(&a, &b, Tolerance::Absolute(0.0)).unwrap_or_else(|e| panic!("{format}: {e}"));
+        assert!(differences.iter().all(|d| d.different == 0 && d.values == 64), "{format}: {differences:?}");
         spoil(&path, format);
         let found = verify::file(&path, Options::default()).map(|report| report.failures());
         assert!(!matches!(found, Ok(0)), "{format}: a changed texel is not found");
@@ -371,6 +382,53 @@ fn spoil(path: &Path, format: &str) {
     };
     bytes[at] = if is_text { b'0' + (bytes[at] - b'0' + 3) % 10 } else { bytes[at] ^ 0x15 };
     std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn bare_texels_are_what_the_certificate_beside_them_says_and_else_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = table("raw:rgb9e5");
+    let baked = bake::table(&recipe, &|_| {}).unwrap();
+    baked.write(folder.path()).unwrap();
+    let path = folder.path().join(&recipe.file);
+    let Decoded::Texture(texture) = certificate::read(&path).unwrap() else { panic!("no texture") };
+    assert_eq!((texture.format.to_string().as_str(), texture.width, texture.height), ("rgb9e5", 8, 8));
+    assert!(format::read(&path).is_err(), "they say nothing of themselves");
+    let bytes = std::fs::read(&path).unwrap();
+    let cut = file(&folder, "cut.raw", &bytes[..bytes.len() - 1]);
+    assert!(certificate::read(&cut).unwrap_err().to_string().contains("cut.raw: a file of an unknown kind"));
+    std::fs::copy(certificate::beside(&path), certificate::beside(&cut)).unwrap();
+    let message = certificate::read(&cut).unwrap_err().to_string();
+    assert!(message.contains("cut.raw: 255 bytes, which a texture of 8 × 8 texels of rgb9e5"), "{message}");
+}
+
+/// The light of texels beyond the largest is gone, of levels too, and is counted; that is no fault of the bake.
+#[test]
+fn maps_too_bright_for_their_format_are_baked_and_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    // Grey, and a texel so bright that no level holds it.
+    let mut values = vec![0.5; 3 * 32 * 16];
+    values[3 * (32 * 5 + 9)..][..3].fill(1e9);
+    let (panorama, _) = Texture::flat(TexelFormat::Rgbe, 32, 16, &values).unwrap();
+    let input = file(&folder, "bright.hdr", &hdr::encode(&panorama).unwrap());
+    for format in ["ktx2:rgba16f", "ktx2:rgb8unorm", "ktx2:uastc-hdr"] {
+        let mut recipe = EnvironmentRecipe::new(input.to_str().unwrap());
+        (recipe.size, recipe.min_size, recipe.irradiance) = (32, 16, IrradianceKind::None);
+        recipe.format = format.parse().unwrap();
+        let source = bake::source(&recipe).unwrap();
+        let baked = bake::environment(&recipe, &source, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
+        let Ok(Decoded::Texture(texture)) = format::decode(&baked.files[0].1) else { panic!("{format}: no texture") };
+        for level in [0, 1] {
+            // (Seven bits of a logarithm, in uastc-hdr, end at 55296.)
+            let ends =
+                texture.values(level).iter().filter(|&&v| f64::from(v) > 0.8 * texture.format.largest(0)).count();
+            assert!(ends > 0, "{format}: level {level} is not clamped");
+        }
+        assert!(baked.certificate.packing.overflowed > 1, "{format}");
+        baked.write(folder.path()).unwrap();
+        let report = verify::file(&folder.path().join(recipe.specular_name()), Options::default()).unwrap();
+        assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
+    }
 }
 
 #[test]

@@ -10,10 +10,12 @@ use kiln::certificate::Certificate;
 use kiln::environment::Orientation;
 use kiln::environment::spherical_harmonics::SphericalHarmonics;
 use kiln::format::{Decoded, decode};
+use kiln::integrate::quadrature::ggx_reflection;
 use kiln::integrate::{Integration, Settings};
 use kiln::language::Language;
 use kiln::math::expression::Expression;
 use kiln::math::warp::Warp;
+use kiln::model::fresnel::f82_tint;
 use kiln::recipe::{EnvironmentRecipe, TableRecipe};
 use kiln::shader::{Shader, level_of_roughness};
 use kiln::table::named::TABLES;
@@ -262,11 +264,14 @@ fn glslang(folder: &Path, flags: &[&str], file: &str) -> bool {
     true
 }
 
-/// What a page computes: one fragment shader, evaluated at points.
+/// What a page computes, in GLSL and in WGSL: one shader, evaluated at points.
 struct Case {
     name: String,
-    /// Functions, uniforms, and the value as a vec4 of the point `p`, four floats.
-    code: String,
+    /// Functions, in each language; none in one that is not to be run. (Cubes are looked up in GLSL alone: beside an edge, Chromium's software
+    /// WebGPU samples a constant cube of floats as something else than that constant.)
+    glsl: String,
+    wgsl: String,
+    /// The value as a vec4 of the point `p`, four floats, as GLSL has it.
     value: String,
     points: Vec<[f32; 4]>,
     textures: Vec<Texture>,
@@ -279,8 +284,65 @@ struct Texture {
     levels: Vec<([usize; 3], Vec<u8>)>,
 }
 
-/// The values of all cases, or nothing where there is no browser.
-fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
+/// A page's code, by its language.
+fn in_both(code: impl Fn(Language) -> String) -> [String; 2] {
+    [Language::Glsl, Language::Wgsl].map(code)
+}
+
+/// `vec4 find(vec4 p)` with that body of GLSL.
+fn finder(language: Language, body: &str, textures: &[&str]) -> String {
+    match language {
+        Language::Wgsl => format!("fn find(p: vec4f) -> vec4f {{ {} }}\n", as_wgsl(body, textures)),
+        _ => format!("vec4 find(vec4 p) {{ {body} }}\n"),
+    }
+}
+
+/// A few expressions and declarations of GLSL in WGSL, whose textures go with their samplers.
+fn as_wgsl(glsl: &str, textures: &[&str]) -> String {
+    let mut code = glsl.replace("vec3[9](", "array<vec3f, 9>(");
+    for name in textures {
+        code = code.replace(&format!("({name},"), &format!("({name}, {name}_sampler,"));
+        code = code.replace(&format!(" {name},"), &format!(" {name}, {name}_sampler,"));
+    }
+    let mut statements: Vec<String> = code.split("; ").map(str::to_owned).collect();
+    for statement in &mut statements {
+        if let Some((declared, value)) = statement.split_once(" = ")
+            && let Some((_, name)) = declared.rsplit_once(' ')
+        {
+            *statement = format!("let {name} = {value}");
+        }
+    }
+    statements.join("; ")
+}
+
+/// A compute shader that evaluates a case at its points.
+fn compute(case: &Case) -> String {
+    let mut code = "@group(0) @binding(0) var<storage, read> points: array<vec4f>;\n\
+                    @group(0) @binding(1) var<storage, read_write> results: array<vec4f>;\n"
+        .to_owned();
+    for (i, Texture { name, kind, .. }) in case.textures.iter().enumerate() {
+        let kind = match *kind {
+            "2d" | "panorama" => "2d",
+            "array" => "2d_array",
+            other => other,
+        };
+        code += &format!("@group(0) @binding({}) var {name}: texture_{kind}<f32>;\n", 2 + 2 * i);
+        code += &format!("@group(0) @binding({}) var {name}_sampler: sampler;\n", 3 + 2 * i);
+    }
+    let names: Vec<&str> = case.textures.iter().map(|texture| texture.name.as_str()).collect();
+    format!(
+        "{code}{}@compute @workgroup_size(1)\nfn main(@builtin(global_invocation_id) at: vec3u) {{\n    let p = points[at.x];\n    \
+         results[at.x] = {};\n}}\n",
+        case.wgsl,
+        as_wgsl(&case.value, &names)
+    )
+}
+
+/// What a language's code computes, by the name of the case.
+type Found = HashMap<String, Vec<[f32; 4]>>;
+
+/// The values of all cases in GLSL, and of those that have it in WGSL; nothing where there is no browser.
+fn run(cases: &[Case]) -> Vec<Found> {
     let mut files = HashMap::new();
     let mut list = vec![];
     for case in cases {
@@ -292,6 +354,7 @@ fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
             let kind = match texture.kind {
                 "2d" | "panorama" => "2D",
                 "3d" => "3D",
+                "array" => "2DArray",
                 _ => "Cube",
             };
             samplers += &format!("uniform highp sampler{kind} {};\n", texture.name);
@@ -311,16 +374,24 @@ fn run(cases: &[Case]) -> Option<HashMap<String, Vec<[f32; 4]>>> {
         let fragment = format!(
             "#version 300 es\nprecision highp float;\nuniform highp sampler2D points;\n{samplers}out vec4 result;\n{}\nvoid main() \
              {{\n    vec4 p = texelFetch(points, ivec2(gl_FragCoord.x, 0), 0);\n    result = {};\n}}\n",
-            case.code, case.value
+            case.glsl, case.value
         );
+        let compute = (!case.wgsl.is_empty()).then(|| compute(case));
         list.push(serde_json::json!({
-            "name": case.name, "fragment": fragment, "points": file, "n": case.points.len(), "textures": textures
+            "name": case.name, "fragment": fragment, "compute": compute, "points": file, "n": case.points.len(), "textures": textures
         }));
     }
     files.insert("cases.json".to_owned(), serde_json::json!({ "cases": list }).to_string().into_bytes());
-    let results = browser::run(include_str!("support/webgl.js"), files)?;
+    let page = concat!(include_str!("support/webgl.js"), include_str!("support/webgpu.js"));
+    let Some(results) = browser::run(page, files) else { return vec![] };
     let values = |bytes: &Vec<u8>| browser::floats(bytes).chunks_exact(4).map(|v| [v[0], v[1], v[2], v[3]]).collect();
-    Some(cases.iter().map(|case| (case.name.clone(), values(&results[&case.name]))).collect())
+    let glsl: Found = cases.iter().map(|case| (case.name.clone(), values(&results[&case.name]))).collect();
+    let in_wgsl = |case: &Case| Some((case.name.clone(), values(results.get(&format!("{}.wgsl", case.name))?)));
+    let wgsl: Found = cases.iter().filter_map(in_wgsl).collect();
+    if wgsl.len() < cases.iter().filter(|case| !case.wgsl.is_empty()).count() {
+        tools::skip("the browser has no WebGPU that filters floats");
+    }
+    vec![glsl, wgsl]
 }
 
 fn le_bytes(values: &[f32]) -> Vec<u8> {
@@ -364,7 +435,7 @@ fn texture_coordinates_are_those_of_the_axis_to_f32_rounding() {
         .flatten()
         .map(|a| a.parse().unwrap())
         .collect();
-    let mut code = String::new();
+    let [mut glsl, mut wgsl] = [String::new(), String::new()];
     let mut branches = String::new();
     let mut points = vec![];
     for (i, axis) in axes.iter().enumerate() {
@@ -378,16 +449,18 @@ fn texture_coordinates_are_those_of_the_axis_to_f32_rounding() {
                 recipe.at = Point::default().with(kiln::table::Parameter::Mu, 0.5).unwrap();
             }
         }
-        let text = shader_of(&format!("axis_{i}"), recipe).to_text(Language::Glsl);
-        code += &text;
-        branches += &format!("if (p.y == {i}.0) return axis_{i}_coordinate(p.x);\n");
+        let shader = shader_of(&format!("axis_{i}"), recipe);
+        glsl += &shader.to_text(Language::Glsl);
+        wgsl += &shader.to_text(Language::Wgsl);
+        branches += &format!("if (p.y == {i}.0) {{ return axis_{i}_coordinate(p.x); }}\n");
         points.extend(along(axis, POINTS, &mut random).into_iter().map(|x| [x, i as f32, 0.0, 0.0]));
     }
-    code += &format!("vec2 find(vec4 p) {{\n{branches}return vec2(-1.0);\n}}\n");
-    let case =
-        Case { name: "axes".to_owned(), code, value: "vec4(find(p), 0.0, 0.0)".to_owned(), points, textures: vec![] };
-    let Some(found) = run(std::slice::from_ref(&case)) else { return };
-    for (point, found) in case.points.iter().zip(&found["axes"]) {
+    glsl += &format!("vec2 find(vec4 p) {{\n{branches}return vec2(-1.0);\n}}\n");
+    wgsl += &format!("fn find(p: vec4f) -> vec2f {{\n{branches}return vec2(-1.0);\n}}\n");
+    let value = "vec4(find(p), 0.0, 0.0)".to_owned();
+    let case = Case { name: "axes".to_owned(), glsl, wgsl, value, points, textures: vec![] };
+    let found = run(std::slice::from_ref(&case));
+    for (point, found) in found.iter().flat_map(|found| case.points.iter().zip(&found["axes"])) {
         let axis = &axes[point[1] as usize];
         let x = f64::from(point[0]);
         let formula = axis.coordinate(axis.kept_within(Expression::variable("x")));
@@ -521,6 +594,30 @@ fn tables() -> Vec<(&'static str, TableRecipe)> {
     ]
 }
 
+/// A table of two channels as the middle one of three layers, of which the others hold nothing.
+fn as_a_layer(baked: &Baked, points: Vec<[f32; 4]>) -> Case {
+    let certificate = Certificate { layer: Some(1), ..baked.certificate.clone() };
+    let shader = Shader::of_table("layer", &certificate).unwrap();
+    let ([width, height, _], bytes) = &baked.textures[0].levels[0];
+    let nothing = vec![0; bytes.len()];
+    let [x, y] = [0, 1].map(|i| fields_of(&shader)[i].clone());
+    let body = format!("layer_values v = layer_lookup(table, p.x, p.y); return vec4(v.{x}, v.{y}, 0.0, 0.0);");
+    let [glsl, wgsl] = in_both(|language| shader.to_text(language) + &finder(language, &body, &["table"]));
+    Case {
+        name: "layer".to_owned(),
+        glsl,
+        wgsl,
+        value: "find(p)".to_owned(),
+        points,
+        textures: vec![Texture {
+            name: "table".to_owned(),
+            kind: "array",
+            format: baked.textures[0].format.clone(),
+            levels: vec![([*width, *height, 3], [&nothing, bytes, &nothing].map(Vec::as_slice).concat())],
+        }],
+    }
+}
+
 #[test]
 fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
     let mut cases = vec![];
@@ -541,12 +638,10 @@ fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
         for (half, fields) in fields.chunks(4).enumerate() {
             let mut values: Vec<String> = fields.iter().map(|f| format!("v.{f}")).collect();
             values.resize(4, "0.0".to_owned());
-            let code = format!(
-                "{}vec4 find(vec4 p) {{ {name}_values v = {name}_lookup({}, {arguments}); return vec4({}); }}\n",
-                baked.shader.to_text(Language::Glsl),
-                textures.join(", "),
-                values.join(", ")
-            );
+            let names: Vec<&str> = textures.iter().map(String::as_str).collect();
+            let (given, values) = (names.join(", "), values.join(", "));
+            let body = format!("{name}_values v = {name}_lookup({given}, {arguments}); return vec4({values});");
+            let [glsl, wgsl] = in_both(|language| baked.shader.to_text(language) + &finder(language, &body, &names));
             let textures = baked.textures.iter().map(|t| Texture {
                 levels: t.levels.clone(),
                 name: t.name.clone(),
@@ -555,19 +650,26 @@ fn tables_are_looked_up_within_the_error_that_their_certificates_state() {
             });
             cases.push(Case {
                 name: format!("{name}{half}"),
-                code,
+                glsl,
+                wgsl,
                 value: "find(p)".to_owned(),
                 points: points.clone(),
                 textures: textures.collect(),
             });
         }
+        if name == "half" {
+            cases.push(as_a_layer(&baked, points.clone()));
+        }
         baked.textures.clear();
         all.push((name, baked, points));
     }
-    let Some(found) = run(&cases) else { return };
+    let found = run(&cases);
     let by_tolerance = Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).unwrap();
     let mut known = HashMap::new();
-    for (name, baked, points) in &all {
+    for found in &found {
+        assert_eq!(found["layer"], found["half0"], "the same as a layer of an array");
+    }
+    for (found, (name, baked, points)) in found.iter().flat_map(|found| all.iter().map(move |one| (found, one))) {
         let (axes, n) = (&baked.spec.axes, baked.spec.channels.len());
         let sizes: Vec<usize> = axes.iter().map(|a| a.size).collect();
         let mut at_its_worst = vec![0.0_f64; n];
@@ -662,20 +764,38 @@ fn compensation_in_the_shader_is_the_compensation_of_the_library() {
     // E_avg comes from another table: here, exactly.
     let points: Vec<[f32; 4]> =
         points.into_iter().map(|p| [p[0], p[1], p[2], exact("ggx.albedo_avg", &p) as f32]).collect();
-    let code = baked.shader.to_text(Language::Glsl)
-        + "vec4 find(vec4 p) {\n    dfg_values v = dfg_lookup(table, p.x, p.y);\n    vec3 f0 = vec3(p.z);\n    float r = \
-           dfg_reflectance(v, f0).x;\n    return vec4(r, r + dfg_kulla_conty(v, p.w, f0).x, r * dfg_turquin(v, f0).x, \
-           dfg_fdez_aguera(v, f0).x);\n}\n";
-    let Some(found) = run(&[Case {
-        name: "energy".to_owned(),
-        code,
-        value: "find(p)".to_owned(),
-        points: points.clone(),
-        textures: baked.textures,
-    }]) else {
-        return;
+    let body = "dfg_values v = dfg_lookup(table, p.x, p.y); vec3 f0 = vec3(p.z); float r = dfg_reflectance(v, f0).x; return vec4(r, r + \
+                dfg_kulla_conty(v, p.w, f0).x, r * dfg_turquin(v, f0).x, dfg_fdez_aguera(v, f0).x);";
+    let case = |name: &str, shader: &Shader, body, points: &Vec<[f32; 4]>, textures| {
+        let [glsl, wgsl] = in_both(|language| shader.to_text(language) + &finder(language, body, &["table"]));
+        let (name, value) = (name.to_owned(), "find(p)".to_owned());
+        Case { name, glsl, wgsl, value, points: points.clone(), textures }
     };
-    for (point, found) in points.iter().zip(&found["energy"]) {
+    // Of metals, with what the F82 tint takes.
+    let metal = bake("metal", &recipe(&["ggx.scale", "ggx.bias", "ggx.f82"], &axes, "exr:f32", None));
+    let of_metals: Vec<[f32; 4]> = points.iter().map(|p| [p[0], p[1], p[2], random.unit() as f32]).collect();
+    let of_metal = "metal_values v = metal_lookup(table, p.x, p.y); return vec4(metal_metal_reflectance(v, vec3(p.z), vec3(p.w)), 1.0);";
+    let cases = [
+        case("energy", &baked.shader, body, &points, baked.textures),
+        case("metal", &metal.shader, of_metal, &of_metals, metal.textures),
+    ];
+    let found = run(&cases);
+    for (point, found) in found.iter().flat_map(|found| of_metals.iter().zip(&found["metal"])) {
+        let [mu, roughness, f0, f82] = point.map(f64::from);
+        // The tinted reflectance itself, integrated.
+        let smith = baked.spec.model.smith;
+        let [wanted] = ggx_reflection(mu, roughness * roughness, smith, 1e-9, |cosine| [f82_tint(f0, f82, cosine)]);
+        // As below; the tint's factor is at most 1/dip(1/7) < 18, of what is at most 1/18.
+        let tolerance = 8.0 * 8.0 * ULP + 48.0 * ULP + 2e-7;
+        for got in &found[..3] {
+            assert!(
+                (f64::from(*got) - wanted.value).abs() <= tolerance,
+                "{point:?}: got {got}, wanted {}",
+                wanted.value
+            );
+        }
+    }
+    for (point, found) in found.iter().flat_map(|found| points.iter().zip(&found["energy"])) {
         for (got, name) in found.iter().zip(["none", "kulla-conty-squared", "turquin", "fdez-aguera"]) {
             let wanted = exact(&format!("compensation.{name}"), point);
             // Neighbouring texels differ by less than 1, and a coordinate is off by a few ulp of 1, eight texels: 2⁻²⁰; hardware that
@@ -719,14 +839,14 @@ fn directions_are_turned_as_the_cube_is() {
     code += &format!("vec3 find(vec4 p) {{\n{branches}return vec3(0.0);\n}}\n");
     let points: Vec<[f32; 4]> = (0..all.len()).map(|i| [0.25, -0.5, 0.75, i as f32]).collect();
     let value = "vec4(find(p), 0.0)".to_owned();
-    let Some(found) = run(&[Case { name: "turned".to_owned(), code, value, points: points.clone(), textures: vec![] }])
-    else {
-        return;
-    };
+    let (name, wgsl) = ("turned".to_owned(), String::new());
+    let found = run(&[Case { name, glsl: code, wgsl, value, points: points.clone(), textures: vec![] }]);
     assert_eq!(all.len(), 48);
-    for ((orientation, point), found) in all.iter().zip(&points).zip(&found["turned"]) {
-        let wanted = orientation.lookup(glam::Vec3::from_slice(point).as_dvec3()).as_vec3();
-        assert_eq!(found[..3], wanted.to_array(), "{orientation}");
+    for found in found {
+        for ((orientation, point), found) in all.iter().zip(&points).zip(found.get("turned").into_iter().flatten()) {
+            let wanted = orientation.lookup(glam::Vec3::from_slice(point).as_dvec3()).as_vec3();
+            assert_eq!(found[..3], wanted.to_array(), "{orientation}");
+        }
     }
 }
 
@@ -744,40 +864,53 @@ fn irradiance_is_read_from_where_it_is_and_unpacked_as_it_is_packed() {
     // Codes that RGBD would read as something else.
     let codes =
         |name: &str| Texture { name: name.to_owned(), ..cube(&[4, 2, 1], |_, level| [0.5, 0.25, level as f32]) };
-    let case = |name: &str, recipe: EnvironmentRecipe, value: &str, textures: Vec<Texture>| Case {
-        name: name.to_owned(),
-        code: environment_shader("sky", recipe).to_text(Language::Glsl),
-        value: value.to_owned(),
-        points: points.clone(),
-        textures,
+    let case = |name: &str, recipe: EnvironmentRecipe, value: &str, textures: Vec<Texture>| {
+        let [glsl, mut wgsl] = in_both(|language| environment_shader("sky", recipe.clone()).to_text(language));
+        if !textures.is_empty() {
+            wgsl.clear();
+        }
+        Case { name: name.to_owned(), glsl, wgsl, value: value.to_owned(), points: points.clone(), textures }
     };
     let env = || "env".parse().unwrap();
     let own = EnvironmentRecipe { format: env(), irradiance_format: "ktx2:rgba16f".parse().ok(), ..base() };
     let shared = EnvironmentRecipe { format: env(), irradiance_format: Some(env()), ..base() };
     let last = EnvironmentRecipe { irradiance: IrradianceKind::LastLevel, ..base() };
     let sh = EnvironmentRecipe { irradiance: IrradianceKind::Sh, ..base() };
+    let packed = |format: &str| EnvironmentRecipe {
+        format: format.parse().unwrap(),
+        irradiance_format: format.parse().ok(),
+        ..base()
+    };
     let both = "vec4(sky_irradiance(irradiance, p.xyz).xy, sky_specular(specular, p.xyz, 0.0).xy)";
     let cases = [
         case("own", own, both, vec![codes("irradiance"), codes("specular")]),
         case("shared", shared, both, vec![codes("irradiance"), codes("specular")]),
+        case("rgbm", packed("ktx2:rgbm"), both, vec![codes("irradiance"), codes("specular")]),
+        case("rgbp", packed("ktx2:rgbp"), both, vec![codes("irradiance"), codes("specular")]),
         case("last", last, "vec4(sky_irradiance(specular, p.xyz), 1.0)", vec![codes("specular")]),
         case("sh", sh, "vec4(sky_irradiance(p.xyz) - sky_sh(p.xyz), 1.0)", vec![]),
     ];
     let none = EnvironmentRecipe { irradiance: IrradianceKind::None, ..base() };
     assert!(!environment_shader("sky", none).to_text(Language::Glsl).contains("sky_irradiance("));
-    let Some(found) = run(&cases) else { return };
+    let found = run(&cases);
     let [half, quarter] = [0.5_f64, 0.25].map(|code| code.powf(2.2));
     for (name, wanted) in [
         ("own", [0.5, 0.25, half, quarter]),
         ("shared", [half, quarter, half, quarter]),
+        // Of a factor of 1: the squares of 8 times the codes, and of the codes.
+        ("rgbm", [16.0, 4.0, 16.0, 4.0]),
+        ("rgbp", [0.25, 0.0625, 0.25, 0.0625]),
         ("last", [0.5, 0.25, 2.0, 1.0]),
         ("sh", [0.0, 0.0, 0.0, 1.0]),
     ] {
-        for (point, found) in points.iter().zip(&found[name]) {
+        for (point, found) in found.iter().flat_map(|found| points.iter().zip(found.get(name).into_iter().flatten())) {
             for c in 0..4 {
                 // Powers of 2.2 of numbers from 1/4 on: 3 + 2 · 4.4 ulp and those of the logarithm.
                 let error = (f64::from(found[c]) - wanted[c]).abs();
-                assert!(error <= 32.0 * ULP, "{name} towards {point:?}: {found:?}, wanted {wanted:?}");
+                assert!(
+                    error <= 32.0 * ULP * wanted[c].max(1.0),
+                    "{name} towards {point:?}: {found:?}, wanted {wanted:?}"
+                );
             }
         }
     }
@@ -789,7 +922,7 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
     let mut cases = vec![];
     for (i, roughness) in chains().iter().enumerate() {
         let name = format!("chain{i}");
-        let code = chain_shader(&name, roughness).to_text(Language::Glsl);
+        let [glsl, wgsl] = in_both(|language| chain_shader(&name, roughness).to_text(language));
         let knots = roughness.iter().map(|&r| r as f32);
         let chosen: Vec<f32> = knots.chain((0..POINTS).map(|_| random.unit() as f32)).collect();
         let points: Vec<[f32; 4]> = chosen
@@ -803,18 +936,20 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
         let sizes: Vec<usize> = (0..roughness.len()).map(|m| 16 >> m).collect();
         cases.push(Case {
             name: format!("{name}_level"),
-            code: code.clone(),
+            glsl: glsl.clone(),
+            wgsl: String::new(),
             value: format!("vec4({name}_level(p.w), {name}_specular(specular, p.xyz, p.w))"),
             points: points.clone(),
             textures: vec![cube(&sizes, |_, level| [level as f32; 3])],
         });
-        cases.push(Case {
-            name: format!("{name}_sh"),
-            code,
-            value: format!("vec4({name}_sh(p.xyz), 1.0)"),
-            points,
-            textures: vec![],
-        });
+        // Written in, or handed over, of which the application chooses which.
+        let value = if i == 0 {
+            let given = SH.irradiance_over_pi.map(|[r, g, b]| format!("vec3({r:?}, {g:?}, {b:?})")).join(", ");
+            format!("vec4({name}_sh_of(vec3[9]({given}), p.xyz), {name}_level(p.w))")
+        } else {
+            format!("vec4({name}_sh(p.xyz), {name}_level(p.w))")
+        };
+        cases.push(Case { name: format!("{name}_sh"), glsl, wgsl, value, points, textures: vec![] });
     }
     let size = 64;
     let points: Vec<[f32; 4]> = (0..4 * POINTS)
@@ -830,18 +965,20 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
             EnvironmentRecipe { roughness: Some(vec![0.0]), orientation, ..EnvironmentRecipe::new("builtin:sky") };
         cases.push(Case {
             name: orientation.to_string(),
-            code: environment_shader("sky", sky).to_text(Language::Glsl),
+            glsl: environment_shader("sky", sky).to_text(Language::Glsl),
+            wgsl: String::new(),
             value: "vec4(sky_specular(specular, p.xyz, p.w), 1.0)".to_owned(),
             points: points.clone(),
             // What a cube that was turned holds: the world's direction.
             textures: vec![cube(&[size], |d, _| orientation.world(d.normalize()).as_vec3().to_array())],
         });
     }
-    let Some(found) = run(&cases) else { return };
-    for (i, roughness) in chains().iter().enumerate() {
-        let formula = level_of_roughness(roughness).unwrap();
+    let found = run(&cases);
+    for (found, (i, roughness)) in found.iter().flat_map(|f| chains().into_iter().enumerate().map(move |one| (f, one)))
+    {
+        let formula = level_of_roughness(&roughness).unwrap();
         let case = &cases[2 * i];
-        for (point, found) in case.points.iter().zip(&found[&case.name]) {
+        for (point, found) in case.points.iter().zip(found.get(&case.name).into_iter().flatten()) {
             let wanted = formula.evaluate(&|_| point[3].into());
             let (level, seen) = (f64::from(found[0]), f64::from(found[1]));
             assert!(
@@ -857,7 +994,7 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
             );
         }
         let case = &cases[2 * i + 1];
-        let sh = SH.irradiance_over_pi_nonnegative;
+        let sh = if i == 0 { SH.irradiance_over_pi } else { SH.irradiance_over_pi_nonnegative };
         let scale: f64 = sh.as_flattened().iter().map(|c| c.abs()).sum();
         for (point, found) in case.points.iter().zip(&found[&case.name]) {
             let [x, y, z, _] = point.map(f64::from);
@@ -866,9 +1003,17 @@ fn chains_are_looked_up_at_the_level_and_in_the_direction_that_they_hold() {
                 let error = (f64::from(found[c]) - wanted[c]).abs();
                 assert!(error <= 12.0 * ULP * scale, "SH towards {point:?}: got {found:?}, wanted {wanted:?}");
             }
+            let level = formula.evaluate(&|_| point[3].into());
+            assert!(
+                (f64::from(found[3]) - level).abs() <= 16.0 * ULP * 4.0,
+                "{roughness:?} at {}: {found:?}, {level}",
+                point[3]
+            );
         }
     }
-    let seen = ORIENTATIONS.iter().flat_map(|o| points.iter().zip(&found[*o]).map(move |(p, f)| (o, p, f)));
+    let of_orientation = |o: &'static str| found.iter().filter_map(move |found| found.get(o)).flatten();
+    let seen =
+        ORIENTATIONS.iter().flat_map(|o| points.iter().cycle().zip(of_orientation(o)).map(move |(p, f)| (o, p, f)));
     for (orientation, point, found) in seen {
         // A texel is 2/64 wide, and a unit vector bends by at most 1 per unit of the face: linear interpolation is off by up to
         // (2/64)²/8 per axis; weights by 1/256 of a texel.
@@ -940,9 +1085,11 @@ fn maps_in_one_picture_are_looked_up_as_the_library_blends_them() {
             ([width, height, 1], le_bytes(&texels))
         });
         let kind = if layout == SphereLayout::Equirect { "panorama" } else { "2d" };
+        let [glsl, wgsl] = in_both(|language| environment_shader("sky", recipe.clone()).to_text(language));
         cases.push(Case {
             name: format!("{layout}_{turn}"),
-            code: environment_shader("sky", recipe).to_text(Language::Glsl),
+            glsl,
+            wgsl,
             value: "vec4(sky_specular(specular, p.xyz, p.w), 1.0)".to_owned(),
             points: points.clone(),
             textures: vec![Texture {
@@ -961,9 +1108,9 @@ fn maps_in_one_picture_are_looked_up_as_the_library_blends_them() {
         };
         wanted.push(points.iter().map(seen).collect::<Vec<_>>());
     }
-    let Some(found) = run(&cases) else { return };
-    for (case, wanted) in cases.iter().zip(wanted) {
-        for ((point, found), (wanted, towards)) in points.iter().zip(&found[&case.name]).zip(wanted) {
+    let found = run(&cases);
+    for (found, (case, wanted)) in found.iter().flat_map(|f| cases.iter().zip(&wanted).map(move |one| (f, one))) {
+        for ((point, found), &(wanted, towards)) in points.iter().zip(&found[&case.name]).zip(wanted) {
             // Texels differ by up to 1, and weights come in steps of 1/256: of a column, of a row, of a level. At a pole of a panorama every
             // column is looked at, as the rounding of the vector has it.
             let pole = case.name.starts_with("equirect") && towards.x.hypot(towards.z) < 1e-3;
@@ -994,9 +1141,11 @@ fn an_atlas_is_looked_up_as_playcanvas_looks_it_up() {
         .enumerate()
         .map(|(i, [x, y, z])| [x, y, z, [0.0, 0.2, 1.0, random.unit() as f32][i % 4]])
         .collect();
+    let [glsl, wgsl] = in_both(|language| environment_shader("sky", atlas_recipe()).to_text(language));
     let case = |name: &str, value: &str| Case {
         name: name.to_owned(),
-        code: environment_shader("sky", atlas_recipe()).to_text(Language::Glsl),
+        glsl: glsl.clone(),
+        wgsl: wgsl.clone(),
         value: format!("vec4({value}, 1.0)"),
         points: points.clone(),
         textures: vec![Texture {
@@ -1011,8 +1160,8 @@ fn an_atlas_is_looked_up_as_playcanvas_looks_it_up() {
         case("mirror", "sky_mirror(specular, p.xyz, 5.0 * p.w)"),
         case("irradiance", "sky_irradiance(specular, p.xyz)"),
     ];
-    let Some(found) = run(&cases) else { return };
-    for case in &cases {
+    let found = run(&cases);
+    for (found, case) in found.iter().flat_map(|found| cases.iter().map(move |case| (found, case))) {
         for (point, found) in points.iter().zip(&found[&case.name]) {
             let [x, y, z, w] = point.map(f64::from);
             let seen = |tile: [f64; 4]| atlas.seen(glam::DVec3::new(x, y, z), tile);

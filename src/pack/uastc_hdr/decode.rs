@@ -35,6 +35,7 @@ pub(super) fn half(logarithm: i32) -> u16 {
         512..1536 => 4 * m - 512,
         _ => 5 * m - 2048,
     };
+    // The largest finite half, as the specification has it: rounding must not make infinity of a logarithm just below it.
     (exponent << 10 | mantissa >> 3).min(0x7bff) as u16
 }
 

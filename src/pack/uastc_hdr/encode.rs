@@ -59,6 +59,7 @@ pub(super) fn encode(colours: &[[f64; 3]; TEXELS]) -> Block {
         *error += transcoding_error(mixed, &texels);
     }
     let best = found.into_iter().min_by(by_error);
+    // (There always is one: plain end points hold any two colours.)
     best.map_or(Block::Solid(halves[0]), |found| Block::Mixed(polished(found, &texels)))
 }
 

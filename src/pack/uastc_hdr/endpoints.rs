@@ -220,6 +220,7 @@ impl Kind {
             Self::Scaled => decode_scaled(bytes),
             Self::Direct => decode_direct(bytes),
         };
+        // As the specification has it: differences may lead out of the twelve bits.
         ends.map(|end| end.map(|v| v.clamp(0, ALL_ONES)))
     }
 

@@ -109,6 +109,7 @@ impl<'a> Subset<'a> {
         let mut fit = Fit { codes, weights: [(0, 0); TEXELS], error: 0.0 };
         for ((_, texel), chosen) in self.texels.iter().zip(&mut fit.weights) {
             let from = [0, 1, 2].map(|c| texel[c] - low[c] as f32);
+            // Beyond the ends there is no weight.
             let part = (dot(from, along) * per_length + 0.5).clamp(0.0, 256.0) as usize;
             *chosen = self.tables.weights[part];
             for c in 0..3 {
@@ -123,6 +124,7 @@ impl<'a> Subset<'a> {
     fn ways(&self, [low, high]: [Colour; 2]) -> [Option<[u8; MOST_BYTES]>; WAYS] {
         let mut best = [(f32::INFINITY, None); WAYS];
         let mut store = |ends: [Colour; 2]| {
+            // A line may be drawn beyond black and beyond what stays finite; end points may not.
             let wanted: Ends = ends.map(|end| end.map(|v| (v / 16.0 + 0.5).clamp(0.0, LARGEST as f32) as i32));
             self.kind.encode(&wanted, |bytes| {
                 let mut codes = [0; MOST_BYTES];

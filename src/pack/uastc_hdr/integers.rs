@@ -135,6 +135,7 @@ impl Levels {
             (Digit::Trit, 6) => ("fedcb000f", 5),
             (Digit::Quint, 4) => ("dcb0000dc", 13),
             (Digit::Quint, 3) => ("cb0000cbc", 26),
+            // Plain bits; no mode has digits above another number of them.
             _ => return replicated(code.into(), self.bits, 8) as u8,
         };
         let inverted = if code & 1 == 1 { 0x1ff } else { 0 };

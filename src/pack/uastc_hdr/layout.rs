@@ -5,10 +5,8 @@
 
 use super::endpoints::{Kind, LARGEST, MOST_BYTES};
 use super::integers::Levels;
+pub(super) use crate::pack::blocks::TEXELS;
 use std::sync::LazyLock;
-
-/// Texels of a block.
-pub(super) const TEXELS: usize = 16;
 
 /// One way in which a block can hold texels of more than one colour.
 #[derive(Debug, PartialEq, Eq)]

@@ -2,8 +2,9 @@
 //! that Basis Universal's transcoder turns into BC6H without looking at a texel.
 //!
 //! - **Rounding**: lossy. The encoder chooses each block's mode, end points and weights so that the squares of what its texels are off by, in the
-//!   logarithms that ASTC interpolates, add up to little; half of the sum is what they are off by after transcoding. The report's error is that
-//!   of ASTC, by a decoder of our own. There is no step: what a texel can be depends on its fifteen neighbours.
+//!   logarithms that ASTC interpolates, add up to little; half of the sum is what they are off by after transcoding. The report's errors are those
+//!   of ASTC, by a decoder of our own, and, as `max_transcoded_error`, those of the BC6H that the transcoder makes, by a model of it. There is no
+//!   step: what a texel can be depends on its fifteen neighbours.
 //! - **A block of one colour** holds the nearest halves of it, in ASTC and in BC6H: white stays white.
 //! - **Negatives**: stored as 0 and counted.
 //! - **Overflow**: values beyond 65504 are stored as that and counted. Of several colours none is beyond 65216, which is 0.4 % less; and where one
@@ -42,7 +43,8 @@ pub fn pack<T: Copy + Into<f64>>(width: usize, height: usize, values: &[T]) -> (
         let block = |i: usize| encode::encode(&blocks::cut(texels, size, i)).to_bytes();
         (0..blocks::count(width, height).unwrap_or(0)).into_par_iter().flat_map_iter(block).collect()
     };
-    blocks::pack(size, values, MAX, compress, |bytes| unpack(width, height, bytes))
+    let transcoded = |bytes: &[u8]| unpack_transcoded(width, height, bytes);
+    blocks::pack(size, values, MAX, compress, |bytes| unpack(width, height, bytes), Some(&transcoded))
 }
 
 /// The values of a picture's blocks, three per texel, row by row; nothing where blocks are missing.

@@ -43,8 +43,8 @@ pub(super) fn texels(mixed: &Mixed) -> [[u16; 3]; TEXELS] {
     let fits = |&(bits, differences): &(u32, [u32; 3])| {
         (0..3).all(|c| {
             let [first, others @ ..] = order.map(|(subset, end)| quantised(ends[subset][end][c], bits) as i32);
-            let half = 1 << (differences[c] - 1);
-            others.iter().all(|other| (-half..half).contains(&(other - first)))
+            let room = 1 << (differences[c] - 1);
+            others.iter().all(|other| (-room..room).contains(&(other - first)))
         })
     };
     let bits = modes.iter().find(|mode| fits(mode)).map_or(last, |mode| mode.0);

@@ -46,6 +46,7 @@ pub fn run(module: &str, files: HashMap<String, Vec<u8>>) -> Option<Results> {
     let started = Instant::now();
     let child = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu-sandbox", "--use-angle=swiftshader"])
+        .args(["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"])
         .args(["--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking"])
         .args(["--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--window-size=256,256"])
         .arg(format!("--user-data-dir={}", profile.path().display()))

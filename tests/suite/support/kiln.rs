@@ -32,6 +32,19 @@ pub fn succeed(folder: &Path, arguments: &[&str]) -> Run {
     run
 }
 
+/// Has a shell run a command line that begins with `kiln`, which must succeed.
+#[cfg(unix)]
+pub fn shell(folder: &Path, line: &str) {
+    let program = Path::new(env!("CARGO_BIN_EXE_kiln"));
+    let paths = [program.parent().expect("a folder").to_owned()];
+    let path = std::env::join_paths(
+        paths.into_iter().chain(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())),
+    );
+    let run = Command::new("sh").arg("-c").arg(line).current_dir(folder).env("PATH", path.expect("paths")).output();
+    let run = run.expect("a shell");
+    assert!(run.status.success(), "{line}: {}", String::from_utf8_lossy(&run.stderr));
+}
+
 /// Runs `kiln`, which must fail with `code`, one error, a way out and without a panic; the error.
 pub fn fail(folder: &Path, arguments: &[&str], code: i32) -> String {
     let run = kiln(folder, arguments);

@@ -1,6 +1,6 @@
 // Evaluates GLSL at points: one row of the framebuffer per case, floats in and floats out.
 //
-// cases.json: { cases: [{ name, fragment, points, n, textures: [{ name, kind, format, levels: [{ size, file }] }] }] }
+// (webgpu.js follows, in the same module.) cases.json: { cases: [{ name, fragment, compute, points, n, textures: [{ name, kind, format, levels: [{ size, file }] }] }] }
 const canvas = document.createElement('canvas');
 const gl = canvas.getContext('webgl2');
 if (!gl || !gl.getExtension('EXT_color_buffer_float') || !gl.getExtension('OES_texture_float_linear')) {
@@ -14,7 +14,9 @@ const FORMATS = {
     rg32f: [gl.RG32F, gl.RG, gl.FLOAT],
     rgba32f: [gl.RGBA32F, gl.RGBA, gl.FLOAT],
 };
-const TARGETS = { '2d': gl.TEXTURE_2D, panorama: gl.TEXTURE_2D, '3d': gl.TEXTURE_3D, cube: gl.TEXTURE_CUBE_MAP };
+const TARGETS = {
+    '2d': gl.TEXTURE_2D, panorama: gl.TEXTURE_2D, '3d': gl.TEXTURE_3D, array: gl.TEXTURE_2D_ARRAY, cube: gl.TEXTURE_CUBE_MAP,
+};
 
 function compile(kind, source) {
     const shader = gl.createShader(kind);
@@ -34,7 +36,7 @@ async function upload(texture) {
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     for (const [level, { size: [w, h, d], file }] of texture.levels.entries()) {
         const data = view(await bytes(file));
-        if (target === gl.TEXTURE_3D) {
+        if (target === gl.TEXTURE_3D || target === gl.TEXTURE_2D_ARRAY) {
             gl.texImage3D(target, level, internal, w, h, d, 0, format, type, data);
         } else if (target === gl.TEXTURE_2D) {
             gl.texImage2D(target, level, internal, w, h, 0, format, type, data);
@@ -89,4 +91,3 @@ for (const one of cases) {
     if (gl.getError()) throw new Error('WebGL error in ' + one.name);
     await post(one.name, found);
 }
-await done();
