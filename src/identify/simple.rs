@@ -25,6 +25,9 @@ const MOST: usize = 512;
 /// The same of one quantity, before they are compared.
 const MOST_OF_ONE: usize = 8192;
 
+/// Texels that are compared at a time.
+const TOGETHER: usize = 16;
+
 /// What every texel of a channel lies between before it is rounded, through a curve's inverse.
 struct Bounds {
     channel: usize,
@@ -49,14 +52,23 @@ impl Bounds {
 
     /// Whether all but a few of the predictions lie between them.
     fn admit(&self, predicted: &[f64], scale: f64, offset: f64, slack: f64) -> bool {
-        let (slack, mut may_miss) = (slack * (scale.abs() - 1.0).max(0.0), self.may_miss);
-        predicted.iter().zip(self.low.iter().zip(&self.high)).all(|(p, (low, high))| {
-            let stored = scale * p + offset;
-            let within = *low - slack <= stored && stored <= *high + slack;
-            let may = within || may_miss > 0;
-            may_miss -= usize::from(!within && may);
-            may
-        })
+        let slack = slack * (scale.abs() - 1.0).max(0.0);
+        let mut missed = 0;
+        // Some at a time, without a branch: most that is tried fails at the first of them.
+        let bounds = self.low.chunks(TOGETHER).zip(self.high.chunks(TOGETHER));
+        for (predicted, (low, high)) in predicted.chunks(TOGETHER).zip(bounds) {
+            let mut outside = 0u64;
+            for ((p, low), high) in predicted.iter().zip(low).zip(high) {
+                let stored = scale * p + offset;
+                let within = (low - slack <= stored) & (stored <= high + slack);
+                outside = outside.wrapping_add(u64::from(!within));
+            }
+            missed += outside as usize;
+            if missed > self.may_miss {
+                return false;
+            }
+        }
+        true
     }
 }
 

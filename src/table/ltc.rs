@@ -74,7 +74,8 @@ fn place(at: &Point, least: f64) -> Result<(f64, f64)> {
     Ok((at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?.max(least)))
 }
 
-/// The entries of a fit, and the bound that its two rules give them.
+/// The entries of a fit, and the bound that its two rules give them. The second and the third are off the diagonal: towards the normal all is
+/// round, and they are nothing.
 fn entries(at: (f64, f64), smith: Smith, tolerance: f64, of: impl Fn(&Ltc) -> [f64; 4]) -> Vec<Estimate> {
     let error = |fit: &quadrature::LtcFit| {
         let (finer, coarser) = (of(&fit.ltc), of(&fit.coarser));
@@ -83,7 +84,11 @@ fn entries(at: (f64, f64), smith: Smith, tolerance: f64, of: impl Fn(&Ltc) -> [f
         SAFETY * (apart + fit.promise * largest) + ROUNDING * largest
     };
     let fit = quadrature::ltc_fit(at.0, at.1, smith, |fit| error(fit) <= tolerance);
-    of(&fit.ltc).map(|value| Estimate::bound(value, error(&fit))).into()
+    let mut entries = of(&fit.ltc).map(|value| Estimate::bound(value, error(&fit)));
+    if at.0 == 1.0 {
+        entries[1..3].fill(Estimate::bound(0.0, 0.0));
+    }
+    entries.into()
 }
 
 fn approximation((mu, alpha): (f64, f64), smith: Smith) -> Approximation {

@@ -94,15 +94,15 @@ mod tests {
         for (text, wanted) in [
             (
                 "[[0.5, 0.25],\n [0.125, 1.0",
-                "a JSON text that is cut off: EOF while parsing a list at line 2 column 11",
+                "a JSON text that is cut off: EOF while parsing a list at line 2 column 12",
             ),
-            ("{\"lut\": [0.5, 0.25, 0.125, 1.0]", "EOF while parsing an object at line 1 column 32"),
+            ("{\"lut\": [0.5, 0.25, 0.125, 1.0]", "EOF while parsing an object at line 1 column 31"),
             ("[\"a\", 0.5 0.25]", "breaks as JSON: expected `,` or `]` at line 1 column 11"),
             (
                 "[[0.5, 0.25, 0.1],\n [0.125, 1.0]]",
                 "the row that begins at line 2, column 2, has 2 entries, where those before it have 3",
             ),
-            ("{\"a, [\": [[1.5, 2], [3, 4], [5]]}", "line 1, column 30, has 1 entries, where those before it have 2"),
+            ("{\"a, [\": [[1.5, 2], [3, 4], [5]]}", "line 1, column 29, has 1 entries, where those before it have 2"),
         ] {
             let message = choose(text, None).unwrap_err().to_string();
             assert!(message.contains(wanted), "{text}: {message}");
