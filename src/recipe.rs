@@ -452,7 +452,7 @@ impl TableRecipe {
             fit: Fit::None,
             layout: None,
             model: Model::default(),
-            integration: Settings::default(),
+            integration: Settings { tolerance: table.tolerance, ..Settings::default() },
         })
     }
 }

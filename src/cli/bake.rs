@@ -109,6 +109,7 @@ impl Bake {
             let replaced = |own: &str| file.environments.iter().any(|environment| environment.directory == own);
             recipe.environments.retain(|own| !replaced(&own.directory));
             recipe.environments.extend(file.environments);
+            recipe.arrays.retain(|own| !file.arrays.iter().any(|array| array.file == own.file));
             recipe.arrays.extend(file.arrays);
             recipe.check()?;
         }

@@ -74,8 +74,8 @@ fn place(at: &Point, least: f64) -> Result<(f64, f64)> {
     Ok((at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?.max(least)))
 }
 
-/// The entries of a fit, and the bound that its two rules give them. The second and the third are off the diagonal: towards the normal all is
-/// round, and they are nothing.
+/// The entries of a fit, and the bound that its two rules give them. The second and the third are off the diagonal, and nothing where the lobe is
+/// round about the normal: seen from straight above, and at alpha 1, where facets point everywhere alike and masking knows elevations only.
 fn entries(at: (f64, f64), smith: Smith, tolerance: f64, of: impl Fn(&Ltc) -> [f64; 4]) -> Vec<Estimate> {
     let error = |fit: &quadrature::LtcFit| {
         let (finer, coarser) = (of(&fit.ltc), of(&fit.coarser));
@@ -85,7 +85,7 @@ fn entries(at: (f64, f64), smith: Smith, tolerance: f64, of: impl Fn(&Ltc) -> [f
     };
     let fit = quadrature::ltc_fit(at.0, at.1, smith, |fit| error(fit) <= tolerance);
     let mut entries = of(&fit.ltc).map(|value| Estimate::bound(value, error(&fit)));
-    if at.0 == 1.0 {
+    if at.0 == 1.0 || at.1 == 1.0 {
         entries[1..3].fill(Estimate::bound(0.0, 0.0));
     }
     entries.into()

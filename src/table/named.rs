@@ -17,6 +17,8 @@ pub struct NamedTable {
     pub axes: &'static [&'static str],
     /// Values of the other parameters, as a user writes them.
     pub at: &'static [&'static str],
+    /// What its values are integrated to, where the usual tolerance is beyond what they reach.
+    pub tolerance: Option<f64>,
 }
 
 /// Every named table.
@@ -27,6 +29,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.scale", "ggx.bias"],
         axes: &["mu:128", "roughness:128"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "ggx-albedo",
@@ -34,6 +37,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.albedo"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "ggx-albedo-avg",
@@ -41,6 +45,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.albedo_avg"],
         axes: &["roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "ggx-f82",
@@ -48,6 +53,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.scale", "ggx.bias", "ggx.f82"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "beckmann-dfg",
@@ -55,6 +61,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["beckmann.scale", "beckmann.bias"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "charlie-albedo",
@@ -62,6 +69,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["charlie.albedo"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "dielectric",
@@ -69,6 +77,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["dielectric.reflectance", "dielectric.transmittance"],
         axes: &["mu:16", "roughness:16", "eta:16:f0-fourth-root"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "dielectric-inside",
@@ -76,6 +85,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["dielectric.reflectance", "dielectric.transmittance"],
         axes: &["mu:16", "roughness:16", "eta:16:0..1:f0-fourth-root"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "dielectric-avg",
@@ -83,6 +93,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["dielectric.reflectance_avg", "dielectric.transmittance_avg", "dielectric.albedo_avg"],
         axes: &["roughness:16", "eta:16:f0-fourth-root"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-dielectric",
@@ -90,6 +101,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.dielectric", "fresnel.dielectric_parallel", "fresnel.dielectric_perpendicular"],
         axes: &["mu:64", "eta:64:1..3"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "beckmann-albedo-avg",
@@ -97,6 +109,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["beckmann.albedo_avg"],
         axes: &["roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "charlie-albedo-avg",
@@ -104,6 +117,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["charlie.albedo_avg"],
         axes: &["roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "oren-nayar-albedo",
@@ -111,6 +125,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["oren-nayar.albedo"],
         axes: &["mu:64", "sigma:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "eon-albedo",
@@ -118,6 +133,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["eon.albedo"],
         axes: &["mu:16", "roughness:16", "rho:16"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "conductor-albedo",
@@ -125,6 +141,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["conductor.albedo"],
         axes: &["mu:64", "roughness:64"],
         at: &["n=0.42", "k=2.35"],
+        tolerance: None,
     },
     NamedTable {
         name: "ggx-albedo-anisotropic",
@@ -132,6 +149,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.albedo"],
         axes: &["mu:8", "alpha_x:8", "alpha_y:8"],
         at: &["phi=0.7853981633974483"],
+        tolerance: None,
     },
     NamedTable {
         name: "beckmann-albedo",
@@ -139,6 +157,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["beckmann.albedo"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "dielectric-albedo",
@@ -146,6 +165,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["dielectric.albedo"],
         axes: &["mu:16", "roughness:16", "eta:16:f0-fourth-root"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-conductor",
@@ -153,6 +173,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.conductor"],
         axes: &["mu:32", "n:32:0.1..4", "k:32:0..8"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-f82",
@@ -160,6 +181,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.f82"],
         axes: &["mu:32", "f0:32", "f82:16"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-schlick-avg",
@@ -167,6 +189,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.schlick_avg"],
         axes: &["f0:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-dielectric-avg",
@@ -174,6 +197,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.dielectric_avg"],
         axes: &["eta:64:1..3"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-conductor-avg",
@@ -181,6 +205,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.conductor_avg"],
         axes: &["n:64:0.1..4", "k:64:0..8"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "layered-albedo",
@@ -188,6 +213,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["layered.albedo"],
         axes: &["mu:32", "roughness:32", "f0:8"],
         at: &["rho=0.8"],
+        tolerance: None,
     },
     NamedTable {
         name: "compensation",
@@ -201,6 +227,7 @@ pub static TABLES: &[NamedTable] = &[
         ],
         axes: &["mu:32", "roughness:32", "f0:8"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "lambert-albedo",
@@ -208,6 +235,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["lambert.albedo"],
         axes: &["mu:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fresnel-schlick",
@@ -215,6 +243,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fresnel.schlick"],
         axes: &["mu:64", "f0:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "burley-albedo",
@@ -222,6 +251,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["burley.albedo", "burley-renormalized.albedo"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "fujii-albedo",
@@ -229,6 +259,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["fujii.albedo"],
         axes: &["mu:64", "roughness:64"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "ltc-matrix",
@@ -236,6 +267,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ltc.m00", "ltc.m20", "ltc.m02", "ltc.m22"],
         axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "ltc-amplitude",
@@ -243,6 +275,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ggx.albedo", "ggx.bias", "constant.zero", "sphere.clipped"],
         axes: &["roughness:64:edge:+cos_centre", "mu:64:sqrt-one-minus:edge:+sin2_radius"],
         at: &[],
+        tolerance: None,
     },
     NamedTable {
         name: "ltc-matrix-m22",
@@ -250,6 +283,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["ltc-m22.m00", "ltc-m22.m20", "ltc-m22.m11", "ltc-m22.m02"],
         axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
         at: &[],
+        tolerance: Some(2e-5),
     },
     NamedTable {
         name: "clipped-sphere",
@@ -257,6 +291,7 @@ pub static TABLES: &[NamedTable] = &[
         channels: &["sphere.clipped"],
         axes: &["cos_centre:64:edge", "sin2_radius:64:edge"],
         at: &[],
+        tolerance: None,
     },
 ];
 

@@ -405,7 +405,9 @@ fn a_bake_for_engines_writes_everything_that_they_need() {
     std::fs::write(
         &recipe,
         "recipe = 1\n[[table]]\nfile = \"bevy/dfg.ktx2\"\nformat = \"ktx2:rg16f+zstd\"\nchannels = [\"ggx.scale\", \"ggx.bias\"]\n\
-         axes = [\"mu:8\", \"roughness:8\"]\n[[environment]]\ninput = \"builtin:white\"\ndirectory = \"bevy/white\"\nsize = 8\n\
+         axes = [\"mu:8\", \"roughness:8\"]\n[[array]]\nfile = \"bevy/ltc.ktx2\"\nformat = \"ktx2:rgba16f+zstd\"\n\
+         [[array.layer]]\nname = \"ltc-matrix\"\nchannels = [\"ltc.m00\", \"ltc.m20\", \"ltc.m02\", \"ltc.m22\"]\n\
+         axes = [\"roughness:8:edge\", \"mu:8:sqrt-one-minus:edge\"]\n[[environment]]\ninput = \"builtin:white\"\ndirectory = \"bevy/white\"\nsize = 8\n\
          min_size = 1\nirradiance_size = 4\norientation = \"x,y,-z\"\n",
     )
     .expect("a file");

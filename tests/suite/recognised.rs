@@ -170,7 +170,6 @@ fn tables_over_one_and_two_axes_pass_as_somebody_elses_and_are_named() {
         case("dfg", "mu:256,roughness:8:flip", "ktx2:rg16unorm"),
         case("ggx-albedo", "mu:64,roughness:9", "hlsl:f16"),
         case("dfg", "mu:20,roughness:9", "js:f32"),
-        case("dfg", "mu:64,roughness:64", "ktx2:rg8unorm"),
         case("fresnel-dielectric", "mu:32:sqrt,eta:32:1..3", "dds:b10g11r11"),
         // A common exponent, and one that another channel sets.
         Case { channels: &BRIGHT, ..case("charlie-albedo", "mu:32,roughness:32", "dds:rgb9e5") },
