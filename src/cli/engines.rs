@@ -212,8 +212,8 @@ pub fn list(console: &Console) -> Result<()> {
 fn text(engine: &Engine) -> Result<String> {
     let mut lines = vec![format!("{}: {}", engine.name, engine.title)];
     for table in engine.tables {
-        let layer = layer(engine, table).map(|layer| format!(" (layer {layer} of the file)"));
-        lines.push(format!("  {}{}", table_flags(table)?, layer.unwrap_or_default()));
+        lines.push(format!("  {}", table_flags(table)?));
+        lines.extend(layer(engine, table).map(|layer| format!("    which is layer {layer} of {}", table.file)));
     }
     if let Some(preset) = &engine.environment {
         lines.push(format!("  {}", environment_flags(preset)?));
