@@ -261,7 +261,6 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         packing: cubes.iter().fold(PackReport::default(), |report, cube| report.merge(cube.packing)),
         ..Certificate::new()
     };
-    refuse_clamped(&cubes, &certificate)?;
     refuse_failures(&certificate)?;
     let json = certificate.to_json()?;
     let mut files = vec![];
@@ -279,21 +278,6 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
         certificate_path: folder.join("certificate.json"),
         certificate,
     })
-}
-
-/// A map that is no longer right because its format has no room for the brightest values is the format's fault, not the bake's.
-fn refuse_clamped(cubes: &[Packed], certificate: &Certificate) -> Result<()> {
-    let clamped = cubes.iter().find(|cube| cube.packing.overflowed > 0);
-    match (clamped, certificate.checks.iter().find(|check| !check.passed)) {
-        (Some(cube), Some(check)) => Err(Error::usage(
-            format!(
-                "{}: {} values exceed what {} has room for: \"{}\" is {:e} on {} where at most {:e} is right",
-                cube.name, cube.packing.overflowed, cube.format, check.name, check.figure, check.subject, check.limit
-            ),
-            "use a format with more room, such as ktx2:rgba16f or ktx2:rgb9e5, or make the map darker with --exposure",
-        )),
-        _ => Ok(()),
-    }
 }
 
 /// A cube, or a map of another layout, on its way into its file.

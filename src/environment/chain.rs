@@ -114,6 +114,12 @@ const QUADRATURE_BOUND: f64 = 1e-6;
 /// The largest error of a zonal level is never said to be below this, nor below what is left at a lone sun, however little was seen.
 const ZONAL_FLOOR: f64 = 1e-5;
 
+/// The root mean square of what is seen of a function's errors, and the largest; `cube` holds the function.
+fn errors_of(function: &Function, cube: &Cube) -> (f64, f64) {
+    let (rms, largest) = function.measure(cube);
+    (rms, largest.max(function.at_a_sun).max(ZONAL_FLOOR))
+}
+
 /// Texels along an edge of the cube in which the darkest directions of a map that is no cube are looked for.
 const MEASURED: usize = 32;
 
@@ -476,8 +482,7 @@ impl<'a> Filter<'a> {
                     return (map, report);
                 }
                 // A small cube of the same function tells where it is darkest.
-                let (rms, largest) = function.measure(&function.cube(MEASURED, &|_| {}));
-                let errors = (rms, largest.max(function.at_a_sun).max(ZONAL_FLOOR));
+                let errors = errors_of(&function, &function.cube(MEASURED, &|_| {}));
                 let report = self.report(size, map.mean(), roughness, "zonal", 0, errors);
                 (map, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }
@@ -529,8 +534,7 @@ impl<'a> Filter<'a> {
                     let report = self.report(size, cube.mean(), roughness, "quadrature", 0, errors);
                     return (cube, report);
                 }
-                let (rms, largest) = function.measure(&cube);
-                let errors = (rms, largest.max(function.at_a_sun).max(ZONAL_FLOOR));
+                let errors = errors_of(&function, &cube);
                 let report = self.report(size, cube.mean(), roughness, "zonal", 0, errors);
                 (cube, LevelReport { degree: function.degree, truncation_bound: function.truncation, ..report })
             }

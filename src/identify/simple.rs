@@ -21,9 +21,16 @@ const ONE_IN: [usize; 3] = [16, 6, 6];
 const NEARLY: f64 = 3.0;
 /// Explanations of a channel that are kept: simplest first. What has more holds too few levels to be told by.
 const MOST: usize = 512;
-
 /// The same of one quantity, before they are compared.
 const MOST_OF_ONE: usize = 8192;
+
+/// Where nearly every table's texels are, over more than one axis.
+const USUAL: [Place; 2] = [Place::Centre(0.0), Place::Edge(0.0)];
+
+/// How many of the texels of a choice may be predicted wrongly.
+fn may_miss(choice: &Choice) -> usize {
+    choice.iter().map(Vec::len).product::<usize>() / ONE_IN[choice.len() - 1]
+}
 
 /// Texels that are compared at a time.
 const TOGETHER: usize = 16;
@@ -79,19 +86,10 @@ pub fn simple(channels: &[Data], masters: &[Arc<Master>], curved: bool) -> Vec<V
     // One axis has so few arrangements that every place can be tried.
     let places: &[Place] = match channels.first().map_or(0, |data| data.sizes.len()) {
         1 => &Place::ALL,
-        2 => &[Place::Centre(0.0), Place::Edge(0.0)],
+        2 => &USUAL,
         _ => return vec![vec![]; channels.len()],
     };
-    among(channels, &channels[0].sizes, masters, places, curves)
-}
-
-fn among(
-    channels: &[Data],
-    sizes: &[usize],
-    masters: &[Arc<Master>],
-    places: &[Place],
-    curves: &[Curve],
-) -> Vec<Vec<(Hypothesis, f64)>> {
+    let sizes = &channels[0].sizes;
     let coarse = choice(sizes, COARSE[sizes.len() - 1]);
     // Quantities that no dimension is left to vary are for those that fit numbers.
     let jobs: Vec<(&Arc<Master>, Vec<usize>, usize)> = masters
@@ -111,11 +109,11 @@ fn among(
         .collect();
     let mut of_channel: Vec<Vec<(Hypothesis, f64)>> = vec![vec![]; channels.len()];
     let fine = fit::fine(sizes);
+    let few = may_miss(&fine);
     let judged: Vec<Option<(usize, Hypothesis, f64)>> = found
         .into_par_iter()
         .map(|(c, hypothesis)| {
             let data = &channels[c];
-            let few = fine.iter().map(Vec::len).product::<usize>() / ONE_IN[sizes.len() - 1];
             let (hypothesis, cost) = fit::as_it_is(hypothesis, data, &fine);
             (hypothesis.misrounded(data, &fine) <= few).then_some((c, hypothesis, cost))
         })
@@ -196,7 +194,7 @@ pub fn nearest(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis,
     for _ in 0..ROUNDS {
         let before = best.1;
         for (dimension, &p) in start.varies.iter().enumerate() {
-            for ramp in simple_ramps(&nodes[p], data.sizes[dimension], &[Place::Centre(0.0), Place::Edge(0.0)]) {
+            for ramp in simple_ramps(&nodes[p], data.sizes[dimension], &USUAL) {
                 let mut ramps = best.0.ramps.clone();
                 ramps[dimension] = ramp;
                 let tried = fit::resettle(&Hypothesis { ramps, ..best.0.clone() }, data, choice);
@@ -215,10 +213,10 @@ pub fn nearest(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis,
 /// What else than `found` a volume's texels admit, as far as the master tells, with the ramp of one dimension changed.
 pub fn beside(found: &Hypothesis, data: &Data, choice: &Choice) -> Vec<(Hypothesis, f64)> {
     let nodes = &found.master.definition.nodes;
-    let few = choice.iter().map(Vec::len).product::<usize>() / ONE_IN[choice.len() - 1];
+    let few = may_miss(choice);
     let mut all = vec![];
     for (dimension, &p) in found.varies.iter().enumerate() {
-        for ramp in simple_ramps(&nodes[p], data.sizes[dimension], &[Place::Centre(0.0), Place::Edge(0.0)]) {
+        for ramp in simple_ramps(&nodes[p], data.sizes[dimension], &USUAL) {
             let mut ramps = found.ramps.clone();
             ramps[dimension] = ramp;
             let tried = fit::as_it_is(Hypothesis { ramps, ..found.clone() }, data, choice);

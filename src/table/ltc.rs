@@ -209,11 +209,7 @@ impl Family for ByM22 {
 /// no weight exceeds 2.
 fn random_step(mu: f64, alpha: f64, smith: Smith, integration: &Integration) -> (Ltc, [f64; VARIATIONS]) {
     let albedo = quadrature::ggx_albedo(mu, alpha, smith, START).value;
-    let ltc = quadrature::ltc_fit(mu, alpha, smith, |fit| {
-        let pairs = fit.ltc.by_m11().into_iter().zip(fit.coarser.by_m11());
-        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) <= START
-    })
-    .ltc;
+    let ltc = quadrature::ltc_fit(mu, alpha, smith, |fit| fit.change() <= START).ltc;
     let (lobe, wo) = (Ggx::isotropic(alpha, smith), direction_with_cosine(mu));
     let directions = |u: [f64; 2]| [lobe.sample(wo, u).map(|sample| sample.wi), Some(ltc.sample(u))];
     // The difference of the lobes, the slopes, and 1 over the density of a direction.

@@ -35,7 +35,7 @@ use super::peel::Peel;
 use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
 use nodes::Nodes;
-use plan::{Plan, cells, darkest, is_wide, least_degree, row_rule};
+use plan::{Plan, cells, darkest, is_wide, row_rule, usual_degree};
 use split::Places;
 use synthesis::{FaceAngles, Rings, angles};
 
@@ -113,7 +113,7 @@ impl<'a> Zonal<'a> {
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         let of_kernel = |kernel: &Kernel| {
             let darkest = darkest(panorama, &cells, kernel, instructions);
-            Plan::new(*kernel, darkest, least_degree(kernel) / 2, panorama.height(), instructions)
+            Plan::new(*kernel, darkest, usual_degree(kernel) / 2, panorama.height(), instructions)
         };
         let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
         for plan in all.into_iter().flatten() {
@@ -275,7 +275,7 @@ impl Part {
         let wanted = |plan: &Plan| {
             let left = plan.truncation(part.share, mean, part.norm2, &part.coefficients);
             let times = if left > 4.0 * HARD { 4 } else { 2 };
-            let degree = (times * plan.degree()).min(2 * least_degree(&plan.kernel));
+            let degree = (times * plan.degree()).min(2 * usual_degree(&plan.kernel));
             let is_short = left > HARD && plan.split.is_none() && is_wide(&plan.kernel) && degree > plan.degree();
             is_short.then_some(degree)
         };
@@ -348,7 +348,7 @@ fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: Inst
 /// three times too dark) is left to the texels of a cell that L does not resolve.
 fn least_share(plan: &Plan, height: usize) -> f64 {
     let [slope, ..] = plan.kernel.horizon();
-    let degree = plan.degree().max(least_degree(&plan.kernel)) as f64;
+    let degree = plan.degree().max(usual_degree(&plan.kernel)) as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
     1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
 }

@@ -205,7 +205,7 @@ impl Plan {
 }
 
 /// The degree of a wide kernel; an easy map takes half of it, a hard one twice as much. A kink of slope a leaves a L^(−5/2) behind, the same for all.
-pub(super) fn least_degree(kernel: &Kernel) -> usize {
+pub(super) fn usual_degree(kernel: &Kernel) -> usize {
     let steeper = (kernel.horizon()[0] * PI).clamp(1.0, STEEPEST);
     (WIDE_DEGREE as f64 * steeper.powf(0.4)) as usize
 }

@@ -53,7 +53,7 @@ const ARRIVED: f64 = 1e-10;
 ///
 /// `mu` in [0, 1], `alpha` in (0, 1], not below 1e-5.
 pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
-    let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
+    let reflection = reflection(mu, alpha, smith);
     let is_round = mu == 1.0;
     let mut coarser = search(&reflection, narrow_limit(mu, alpha), &LADDER[0], NEAR, is_round);
     let mut best: Option<(f64, LtcFit)> = None;
@@ -75,19 +75,23 @@ pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> b
 
 /// A quick fit, good to a few digits: the least that the ladder gives.
 pub fn ltc_fit_quickly(mu: f64, alpha: f64, smith: Smith) -> Ltc {
-    let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
+    let reflection = reflection(mu, alpha, smith);
     search(&reflection, narrow_limit(mu, alpha), &LADDER[0], NEAR, mu == 1.0)
 }
 
 /// How far `ltc` is from GGX of width `alpha` seen at cosine `mu`; good to about 1e-3 of itself.
 pub fn ltc_distance(mu: f64, alpha: f64, smith: Smith, ltc: &Ltc) -> LtcDistance {
-    let reflection = Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value);
-    let [first, second, third] = distances(&reflection, ltc, &LADDER[1]);
+    let [first, second, third] = distances(&reflection(mu, alpha, smith), ltc, &LADDER[1]);
     LtcDistance { total_variation: 0.5 * first, square: second.sqrt(), cube: third.cbrt() }
 }
 
+fn reflection(mu: f64, alpha: f64, smith: Smith) -> Reflection {
+    Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value)
+}
+
 impl LtcFit {
-    fn change(&self) -> f64 {
+    /// How far the entries of the two are apart at most, in parts of m11.
+    pub fn change(&self) -> f64 {
         self.ltc.by_m11().iter().zip(self.coarser.by_m11()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 }
@@ -241,8 +245,7 @@ mod tests {
     #[test]
     fn the_place_does_not_depend_on_where_the_search_begins() {
         for (mu, alpha) in places() {
-            let reflection =
-                Reflection::new(mu, alpha, Smith::Correlated, ggx_albedo(mu, alpha, Smith::Correlated, ALBEDO).value);
+            let reflection = reflection(mu, alpha, Smith::Correlated);
             let best = search(&reflection, narrow_limit(mu, alpha), &LADDER[2], ARRIVED, mu == 1.0);
             for step in [[0.3, 0.0, 0.0, 0.0], [-0.3, 0.3, 0.0, 0.0], [0.0, -0.3, 0.3, 0.0], [0.0, 0.0, -0.3, 0.2]] {
                 let step = if mu == 1.0 { [step[0], step[0], 0.0, 0.0] } else { step };

@@ -52,11 +52,10 @@ fn recipe(row: &[usize]) -> Option<EnvironmentRecipe> {
 
 /// The levels of what the recipe bakes, without its certificate; nothing where its format has no room for the light.
 fn levels(recipe: &EnvironmentRecipe, source: &bake::Source) -> Option<Vec<SphereMap>> {
-    let baked = match bake::environment(recipe, source, &|_| {}) {
-        Ok(baked) => baked,
-        Err(kiln::Error::Usage(_)) => return None,
-        Err(error) => panic!("{}: {error}", name(recipe)),
-    };
+    let baked = bake::environment(recipe, source, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", name(recipe)));
+    if baked.certificate.packing.overflowed > 0 {
+        return None;
+    }
     let wanted = recipe.specular_name();
     let (_, bytes) = baked.files.iter().find(|(path, _)| path.ends_with(&wanted)).unwrap();
     let content = match decode(bytes).unwrap() {
