@@ -185,7 +185,7 @@ pub(super) struct Brightest {
 
 impl Brightest {
     pub fn new(panorama: &Panorama) -> Self {
-        let n = panorama.height().div_ceil(BLOCK);
+        let n = Self::n_rows(panorama.height());
         let of_rows = |i: usize| Self::in_rows(Self::rows(i, panorama.height()).map(|row| panorama.row(row)));
         Self::from_rows((0..n).into_par_iter().map(of_rows).collect())
     }
@@ -193,6 +193,11 @@ impl Brightest {
     /// From those of each row of blocks, one after the other.
     pub fn from_rows(rows: Vec<Vec<f64>>) -> Self {
         Self { across: rows.first().map_or(0, Vec::len), blocks: rows.concat() }
+    }
+
+    /// How many rows of blocks there are.
+    pub fn n_rows(height: usize) -> usize {
+        height.div_ceil(BLOCK)
     }
 
     /// The rows of the panorama that a row of blocks holds.

@@ -28,22 +28,14 @@ pub(super) struct Row {
 
 impl Survey {
     pub fn new(panorama: &Panorama, instructions: InstructionSet) -> Self {
-        let (width, height) = (panorama.width(), panorama.height());
-        let across = width.min(32);
+        let across = panorama.width().min(32);
         let darkest = panorama.min().map(f64::from);
-        // (Rows of blocks are looked at twice, which finds them in a cache.)
-        let look = |block: usize| {
-            let rows = Brightest::rows(block, height);
-            let brightest = Brightest::in_rows(rows.clone().map(|row| panorama.row(row)));
-            (rows.map(|row| Row::new(panorama.row(row), across, darkest)).collect::<Vec<_>>(), brightest)
-        };
-        let n_blocks = (0..height).take_while(|&block| !Brightest::rows(block, height).is_empty()).count();
-        let looks: Vec<(Vec<Row>, Vec<f64>)> = (0..n_blocks)
+        let looks: Vec<(Vec<Row>, Vec<f64>)> = (0..Brightest::n_rows(panorama.height()))
             .into_par_iter()
             .map(|block| {
                 instructions.run(
                     #[inline(always)]
-                    || look(block),
+                    || look(panorama, block, across, darkest),
                 )
             })
             .collect();
@@ -55,6 +47,14 @@ impl Survey {
     pub fn columns(&self, cell: usize, width: usize) -> Range<usize> {
         columns(cell, self.across, width)
     }
+}
+
+/// A row of blocks. (Its texels are looked at twice, the second time in a cache.)
+#[inline(always)]
+fn look(panorama: &Panorama, block: usize, across: usize, darkest: [f64; 3]) -> (Vec<Row>, Vec<f64>) {
+    let rows = Brightest::rows(block, panorama.height());
+    let brightest = Brightest::in_rows(rows.clone().map(|row| panorama.row(row)));
+    (rows.map(|row| Row::new(panorama.row(row), across, darkest)).collect(), brightest)
 }
 
 fn columns(cell: usize, across: usize, width: usize) -> Range<usize> {
