@@ -26,7 +26,7 @@ use crate::environment::Layout;
 use crate::environment::spherical_harmonics::IrradianceFit;
 use crate::environment::{CubeFit, CubeLookup};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, Decoded, FileKind, Texture};
+use crate::format::{self, Container, Decoded, FileKind, Texture, raw};
 use crate::integrate::ErrorKind;
 use crate::pack::PackReport;
 use crate::recipe::{EnvironmentRecipe, TableRecipe};
@@ -358,13 +358,30 @@ pub fn read(path: &Path) -> Result<Decoded> {
     decoded.map_err(|e| e.in_file(path))
 }
 
-/// The texture in `bytes`, the file at `path`, if they say nothing of themselves and the certificate beside them is of a table of bare
-/// texels; it is among the texture's metadata.
+/// The texture in `bytes`, the file at `path`, if they say nothing of themselves and a layout stands beside them, or a certificate of a
+/// table of bare texels; the latter is among the texture's metadata.
 ///
-/// **Errors**: a broken certificate; bytes that are not what it says, without their path.
+/// **Errors**: a broken layout or certificate; bytes that are not what it says, without their path.
 pub fn bare_texture(path: &Path, bytes: &[u8]) -> Result<Option<Texture>> {
+    if !matches!(FileKind::of(bytes), FileKind::Other(_)) {
+        return Ok(None);
+    }
+    let certified = certified_texture(path, bytes);
+    let layout = raw::layout_beside(path);
+    // A certificate of another file that was here before says nothing of this one.
+    if matches!(certified, Ok(Some(_))) || !layout.is_file() {
+        return certified;
+    }
+    let text = std::fs::read_to_string(&layout).map_err(|e| Error::reading(&layout, e))?;
+    let said: raw::Layout = serde_json::from_str(&text).map_err(|e| {
+        Error::invalid(format!("no layout of bare texels: {e}"), "convert the file again").in_file(&layout)
+    })?;
+    said.decode(bytes).map(Some)
+}
+
+fn certified_texture(path: &Path, bytes: &[u8]) -> Result<Option<Texture>> {
     let beside = beside(path);
-    if !matches!(FileKind::of(bytes), FileKind::Other(_)) || !beside.is_file() {
+    if !beside.is_file() {
         return Ok(None);
     }
     let text = std::fs::read_to_string(&beside).map_err(|e| Error::reading(&beside, e))?;

@@ -103,7 +103,8 @@ pub struct Difference {
     pub values: usize,
 }
 
-/// The levels of two files, each a grid, level 0 first; an alpha that is 1 everywhere is not looked at where the other file has none.
+/// The levels of two files, each a grid, level 0 first; what only fills up a texel, an alpha of 1 or zeros, is not looked
+/// at where the other file has none.
 ///
 /// **Errors**: other sizes, numbers of levels or of channels.
 pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Difference>> {
@@ -134,14 +135,16 @@ pub fn compare(a: &[Grid], b: &[Grid], tolerance: Tolerance) -> Result<Vec<Diffe
     Ok(differences)
 }
 
-/// The grid to be set beside another: without its fourth channel if that is 1 everywhere and the other has three.
+/// The grid to be set beside another of fewer channels: without those at the end that only fill up a texel, an alpha of 1 or zeros.
 fn beside<'a>(grid: &'a Grid, other: &Grid) -> Cow<'a, Grid> {
-    let is_opaque = || grid.values.iter().skip(3).step_by(4).all(|&alpha| alpha == 1.0);
-    if grid.channels.len() != 4 || other.channels.len() != 3 || !is_opaque() {
+    let (n, kept) = (grid.channels.len(), other.channels.len());
+    let is_all = |c: usize, filling: f64| grid.values.iter().skip(c).step_by(n).all(|&value| value == filling);
+    let fills = |c: usize| is_all(c, 0.0) || (n == 4 && c == 3 && is_all(c, 1.0));
+    if n <= kept || !(kept..n).all(fills) {
         return Cow::Borrowed(grid);
     }
-    let values = grid.values.chunks_exact(4).flat_map(|texel| texel[..3].iter().copied()).collect();
-    Cow::Owned(Grid { channels: grid.channels[..3].to_vec(), values, ..grid.clone() })
+    let values = grid.values.chunks_exact(n).flat_map(|texel| texel[..kept].iter().copied()).collect();
+    Cow::Owned(Grid { channels: grid.channels[..kept].to_vec(), values, ..grid.clone() })
 }
 
 /// Channels up to which every order is tried.

@@ -8,7 +8,7 @@
 use crate::certificate::{self, Certificate};
 use crate::environment::{Orientation, Panorama, SphereLayout, SphereMap, atlas};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, Decoded, FormatSpec, Image, Packing, Texture, source};
+use crate::format::{self, Container, Decoded, FormatSpec, Grid, Image, Packing, Texture, source};
 use crate::pack::{PackReport, TexelFormat};
 use glam::DVec3;
 use serde::Serialize;
@@ -65,6 +65,9 @@ pub struct Report {
     pub resampling_rms: Option<f64>,
     /// What else is different.
     pub notes: Vec<String>,
+    /// What bare texels are, to be written beside them: see [`format::raw::Layout`].
+    #[serde(skip)]
+    pub layout: Option<String>,
 }
 
 /// Values before packing.
@@ -98,11 +101,17 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
     if let Some(n) = conversion.channels {
         content.keep_channels(n)?;
     }
+    if conversion.format.container() == Container::Exr && content.like.depth > 0 && content.levels.len() == 1 {
+        content = content.into_slices();
+    }
     let mut texture = Texture { levels: vec![], ..content.like.clone() };
     texture.format = content.texel_format(conversion.format)?;
     content.notes.extend(conversion.format.size_warning([texture.width, texture.height]));
-    if conversion.format.container() == Container::Raw {
-        content.notes.push(format!("bare texels do not say that they are {} of {}", texture.text(), texture.format));
+    let is_raw = conversion.format.container() == Container::Raw;
+    if is_raw {
+        content
+            .notes
+            .push(format!("bare texels do not say that they are {}: the layout beside them does", texture.text()));
     }
     content.fit_channels(texture.format.channels());
     texture.channels = content.channels.clone();
@@ -119,6 +128,7 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         flux_change: reshaped.map(|change| change.flux),
         resampling_rms: reshaped.map(|change| change.rms),
         notes: content.notes.clone(),
+        layout: None,
     };
     let mut squares = 0.0;
     for (level, values) in content.levels.iter().enumerate() {
@@ -137,6 +147,9 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         refuse_clamping(conversion.format, texture.format, &report.packing)?;
     }
     let file = format::encode(conversion.format, &texture)?;
+    if is_raw {
+        report.layout = Some(format::raw::Layout::of(&texture, conversion.format).to_json()?);
+    }
     Ok((file, report))
 }
 
@@ -159,7 +172,7 @@ fn refuse_clamping(spec: FormatSpec, format: TexelFormat, packing: &PackReport) 
 impl Content {
     fn of(decoded: Decoded) -> Result<Self> {
         match decoded {
-            Decoded::Picture(image, format) => Ok(Self::of_picture(image, format)),
+            Decoded::Picture(image, format) => Self::of_picture(image, format),
             Decoded::Texture(texture) => Ok(Self::of_texture(texture)),
             Decoded::Array(array) => {
                 let [width, height, pictures, channels] = array.extent();
@@ -188,7 +201,11 @@ impl Content {
     }
 
     /// A picture's channels come in the order of colour, or of the table that its certificate names; an OpenEXR has them by name.
-    fn of_picture(image: Image, format: TexelFormat) -> Self {
+    fn of_picture(image: Image, format: TexelFormat) -> Result<Self> {
+        let grid = Grid::of_image(&image, "OpenEXR", format)?;
+        if grid.size[2] > 1 {
+            return Ok(Self::of_slices(image, grid, format));
+        }
         let n = image.channels.len();
         let of_certificate = || {
             let table = Certificate::from_json(image.metadata(certificate::KEY)?).ok()?.table?;
@@ -206,7 +223,36 @@ impl Content {
         let mut like = Texture::empty(format, image.width, image.height);
         like.primaries = image.primaries.unwrap_or(like.primaries);
         like.metadata = image.metadata;
+        Ok(Self { like, channels, levels: vec![values], notes: vec![] }.without_certificate())
+    }
+
+    /// A volume whose slices were layers of channels; channels in the order of the table that the certificate names, else in the file's.
+    fn of_slices(image: Image, grid: Grid, format: TexelFormat) -> Self {
+        let n = grid.channels.len();
+        let table = image.metadata(certificate::KEY).and_then(|json| Certificate::from_json(json).ok()?.table);
+        let place = |name: &String| grid.channels.iter().position(|channel| channel.name == *name);
+        let order = table.and_then(|table| table.channels.iter().map(place).collect::<Option<Vec<usize>>>());
+        let order = order.filter(|order| order.len() == n).unwrap_or_else(|| (0..n).collect());
+        let values = grid.values.chunks_exact(n).flat_map(|t| order.iter().map(|&c| t[c])).collect();
+        let channels = order.iter().map(|&c| grid.channels[c].name.clone()).collect();
+        let [width, height, depth] = grid.size;
+        let like = Texture { depth, metadata: image.metadata, ..Texture::empty(format, width, height) };
         Self { like, channels, levels: vec![values], notes: vec![] }.without_certificate()
+    }
+
+    /// The slices of a volume as layers of channels, `slice00.` and so on: what OpenEXR has for one.
+    fn into_slices(mut self) -> Self {
+        let (depth, n) = (self.like.depth, self.channels.len());
+        let texels = self.like.width * self.like.height;
+        let digits = (depth - 1).to_string().len().max(2);
+        let (old, names) = (self.levels.swap_remove(0), std::mem::take(&mut self.channels));
+        let layers = |texel| (0..depth).flat_map(move |z| (0..n).map(move |c| (z * texels + texel) * n + c));
+        self.levels = vec![(0..texels).flat_map(layers).map(|at| old[at]).collect()];
+        self.channels =
+            (0..depth).flat_map(|z| names.iter().map(move |name| format!("slice{z:0digits$}.{name}"))).collect();
+        self.notes.push(format!("{depth} slices are layers of channels, slice{:0digits$} and so on", 0));
+        self.like.depth = 0;
+        self
     }
 
     fn without_certificate(mut self) -> Self {

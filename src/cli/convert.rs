@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use kiln::certificate;
 use kiln::convert::{Conversion, Report, Shape, convert, usual_format};
 use kiln::environment::SphereLayout;
-use kiln::format::{Container, FormatSpec, atomic};
+use kiln::format::{Container, FormatSpec, atomic, raw};
 use kiln::{Error, Result};
 use std::path::PathBuf;
 
@@ -108,6 +108,9 @@ impl Convert {
         let conversion = Conversion { format, shape, from, level, channels, clamp, name };
         let (bytes, report) = convert(decoded, &conversion).map_err(|e| e.in_file(&self.input))?;
         atomic::write(&self.output, &bytes)?;
+        if let Some(layout) = &report.layout {
+            atomic::write(&raw::layout_beside(&self.output), layout.as_bytes())?;
+        }
         for note in &report.notes {
             console.note(&format!("{}: {note}", self.output.display()));
         }

@@ -422,6 +422,8 @@ mod tests {
         let refuse = |name: &str| find(name).unwrap_err().to_string();
         for (name, meant) in [
             ("Unity", "unity-hdrp"),
+            ("unty", "unity-hdrp"),
+            ("bevi", "bevy"),
             ("BEVY", "bevy"),
             ("three.js", "threejs"),
             ("Blender", "cycles or eevee"),

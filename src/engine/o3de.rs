@@ -5,13 +5,33 @@ use super::*;
 pub(super) static O3DE: Engine = Engine {
     name: "o3de",
     title: "Open 3D Engine's Atom",
-    tables: &[EngineTable {
-        file: "brdf.dds",
-        format: "dds:rg16f",
-        channels: &["ggx.scale", "ggx.bias"],
-        axes: &["mu:256", "roughness:256:flip"],
-        ..PLAIN
-    }],
+    tables: &[
+        EngineTable {
+            file: "brdf.dds",
+            format: "dds:rg16f",
+            channels: &["ggx.scale", "ggx.bias"],
+            axes: &["mu:256", "roughness:256:flip"],
+            ..PLAIN
+        },
+        EngineTable {
+            name: "ltc-matrix-m00",
+            file: "ltc_mat_lutrgba32f.dds",
+            format: "dds:rgba32f",
+            channels: &["ltc-m00.m22", "ltc-m00.m20", "ltc-m00.m11", "ltc-m00.m02"],
+            axes: &["roughness:32:edge", "mu:32:acos:edge"],
+            // A half of the ulp of its largest entry; the others are known far better.
+            tolerance: Some(1e-3),
+            ..PLAIN
+        },
+        EngineTable {
+            name: "ltc-magnitude",
+            file: "ltc_amp_lutrg32f.dds",
+            format: "dds:rg32f",
+            channels: &["ggx.albedo", "ggx.bias"],
+            axes: &["roughness:32:edge", "mu:32:acos:edge"],
+            ..PLAIN
+        },
+    ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,
         size: 256,
@@ -31,10 +51,10 @@ pub(super) static O3DE: Engine = Engine {
         sheen_file: "",
     }),
     sources: &[
-        "o3de/o3de: BRDFTextureCS.azsl, BRDFTexture.attimage, LightingUtils.azsli, Ibl.azsli, IBL*.preset, CCubeMapProcessor.cpp",
+        "o3de/o3de: BRDFTextureCS.azsl, BRDFTexture.attimage, LightingUtils.azsli, Ibl.azsli, Ltc.azsli, LtcCommon.cpp, IBL*.preset, CCubeMapProcessor.cpp",
     ],
     from_memory: &["the size of the diffuse cube"],
     warnings: &["the asset processor filters what its presets name again: give these files a preset without filtering"],
-    missing: &["the linearly transformed cosines of 32 x 32"],
-    usage: "the suffixes _iblspecularcm and _ibldiffusecm choose the presets of the asset processor",
+    missing: &[],
+    usage: "brdf.dds is what BRDFTextureCS.azsl renders; the two LTC files replace those in Assets/Textures/LTC; the suffixes _iblspecularcm and _ibldiffusecm choose the presets of the asset processor",
 };

@@ -14,10 +14,14 @@ pub(super) static UNITY_HDRP: Engine = Engine {
             ..PLAIN
         },
         EngineTable {
-            name: "charlie-albedo",
-            file: "PreIntegratedFGD_CharlieFabricLambert_y.exr",
+            name: "cloth-split",
+            file: "PreIntegratedFGD_CharlieFabricLambert.exr",
             format: "exr:f16",
-            channels: &["charlie.albedo:y/(1+y)"],
+            channels: &[
+                "charlie.bias:/6.283185307179586",
+                "charlie.albedo:/6.283185307179586",
+                "fabric-lambert.albedo",
+            ],
             axes: &["mu:64", "roughness:64"],
             visibility: Visibility::Charlie,
             ..PLAIN
@@ -50,22 +54,18 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         sheen_file: "",
     }),
     sources: &[
-        "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader, BSDF.hlsl, ImageBasedLighting.hlsl, \
+        "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl (0bb2787), PreIntegratedFGD.cs, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader (8bdf507), BSDF.hlsl, ImageBasedLighting.hlsl, \
          SphericalHarmonics.cs, LTCAreaLight.cs, LTCAreaLight.hlsl, LtcData.BRDF_GGX.cs",
     ],
-    from_memory: &[
-        "that the texture is A2B10G10R10; the file is of halves",
-        "that an importer turns a right-handed world by negating X, which the cube follows",
-    ],
+    from_memory: &["that an importer turns a right-handed world by negating X, which the cube follows"],
     warnings: &[
         "its shader reads the GGX and Lambert table with mu as it is in one place, though the table is over sqrt(mu)",
-        "HDRP makes its tables and probes itself, at run time: these files are for replacing them",
+        "HDRP makes its tables and probes itself, at run time, the tables as A2B10G10R10; these files, of halves, are for replacing them",
+        "of the cloth table newer versions read 2 pi times x and y, as here; older ones y/(1 - y), of --channels 'charlie.albedo:y/(1+y)'",
+        "what its cloth reads in x and y beyond 1/(2 pi) of a grazing sheen does not fit its own texture, and is stored as it is here",
     ],
-    missing: &[
-        "the x of the Charlie table, which is weighted by Schlick's (1 - VoH)^5",
-        "the linearly transformed cosines of its other lobes: the slices of _LtcData after the first",
-    ],
-    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse; the halves of LtcData.BRDF_GGX.raw \
+    missing: &["the linearly transformed cosines of its other lobes: the slices of _LtcData after the first"],
+    usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse and _PreIntegratedFGD_CharlieAndFabric; the halves of LtcData.BRDF_GGX.raw \
             go into slice 0 of _LtcData by SetPixelData; SphericalHarmonicsL2[channel, i] is \
             coefficients[i][channel] of sh.json",
 };

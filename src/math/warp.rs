@@ -20,7 +20,7 @@ const ACOS: [f64; 8] = [
 
 /// The function of a parameter that is even in the texture coordinate, named as it is applied.
 ///
-/// Those that fall (`acos`, `sqrt-one-minus`) put the largest parameter first, as the formula says.
+/// Those that fall (`acos`, `sqrt-one-minus`, `reciprocal`) put the largest parameter first, as the formula says.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Warp {
     /// x.
@@ -43,11 +43,16 @@ pub enum Warp {
     SqrtOneMinus,
     /// √|(x − 1)/(x + 1)|, the fourth root of the reflectance F0 of an index of refraction x.
     F0FourthRoot,
+    /// half/(x + half): from 1 at 0 over ½ at `half` to 0 at infinity; Cycles' axis for the exponent of a generalised Schlick reflectance.
+    Reciprocal {
+        /// Where it is ½.
+        half: f64,
+    },
 }
 
 impl Warp {
     /// One of every kind, in the order in which they are listed to a user.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Linear,
         Self::Sqrt,
         Self::Cbrt,
@@ -56,10 +61,12 @@ impl Warp {
         Self::Acos,
         Self::SqrtOneMinus,
         Self::F0FourthRoot,
+        Self::Reciprocal { half: 1.0 },
     ];
 
     /// How a user writes them.
-    pub const SYNTAX: &str = "linear|sqrt|cbrt|square|log|log+OFFSET|acos|sqrt-one-minus|f0-fourth-root";
+    pub const SYNTAX: &str =
+        "linear|sqrt|cbrt|square|log|log+OFFSET|acos|sqrt-one-minus|f0-fourth-root|reciprocal+HALF";
 
     /// The function at `x`.
     pub fn forward(self, x: f64) -> f64 {
@@ -73,6 +80,7 @@ impl Warp {
             Self::SqrtOneMinus => (1.0 - x).sqrt(),
             Self::F0FourthRoot if x == f64::INFINITY => 1.0,
             Self::F0FourthRoot => ((x - 1.0) / (x + 1.0)).abs().sqrt(),
+            Self::Reciprocal { half } => half / (x + half),
         }
     }
 
@@ -88,6 +96,7 @@ impl Warp {
             Self::SqrtOneMinus => 1.0 - t * t,
             Self::F0FourthRoot if below_one => (1.0 - t * t) / (1.0 + t * t),
             Self::F0FourthRoot => (1.0 + t * t) / (1.0 - t * t),
+            Self::Reciprocal { half } => half * (1.0 - t) / t,
         }
     }
 
@@ -107,6 +116,7 @@ impl Warp {
             }
             Self::SqrtOneMinus => (Expression::from(1.0) - x).sqrt(),
             Self::F0FourthRoot => ((x.clone() - 1.0) / (x + 1.0)).abs().sqrt(),
+            Self::Reciprocal { half } => Expression::from(half) / (x + half),
         }
     }
 
@@ -114,6 +124,7 @@ impl Warp {
     pub fn domain_fault(self, low: f64, high: f64) -> Option<&'static str> {
         match self {
             Self::F0FourthRoot => (low < 1.0 && high > 1.0).then_some("a range on one side of 1"),
+            Self::Reciprocal { half } => (low + half <= 0.0).then_some("a range from 0 on"),
             _ if !high.is_finite() => Some("a range that ends"),
             Self::Linear | Self::Cbrt => None,
             Self::Sqrt | Self::Square => (low < 0.0).then_some("a range from 0 on"),
@@ -135,6 +146,7 @@ impl fmt::Display for Warp {
             Self::Acos => "acos",
             Self::SqrtOneMinus => "sqrt-one-minus",
             Self::F0FourthRoot => "f0-fourth-root",
+            Self::Reciprocal { half } => return write!(f, "reciprocal+{half}"),
         })
     }
 }
@@ -151,6 +163,10 @@ impl FromStr for Warp {
             let offset = offset.parse().map_err(|_| UnknownWarp)?;
             return if (0.0..f64::INFINITY).contains(&offset) { Ok(Self::Log { offset }) } else { Err(UnknownWarp) };
         }
+        if let Some(half) = text.strip_prefix("reciprocal+") {
+            let half = half.parse().map_err(|_| UnknownWarp)?;
+            return if half > 0.0 && half < f64::INFINITY { Ok(Self::Reciprocal { half }) } else { Err(UnknownWarp) };
+        }
         Self::ALL.into_iter().find(|w| w.to_string() == text).ok_or(UnknownWarp)
     }
 }
@@ -160,7 +176,7 @@ mod tests {
     use super::*;
 
     fn every_warp() -> impl Iterator<Item = Warp> {
-        Warp::ALL.into_iter().chain([Warp::Log { offset: 0.01 }])
+        Warp::ALL.into_iter().chain([Warp::Log { offset: 0.01 }, Warp::Reciprocal { half: 5.0 }])
     }
 
     #[test]
@@ -173,6 +189,7 @@ mod tests {
                 let conditioned = match warp {
                     Warp::Acos | Warp::SqrtOneMinus | Warp::F0FourthRoot => 1.0,
                     Warp::Log { offset } => x + offset,
+                    Warp::Reciprocal { half } => (x + half) * (x + half) / half,
                     _ => x,
                 };
                 assert!((back - x).abs() <= 8.0 * f64::EPSILON * conditioned, "{warp:?} at {x}: got {back}");
@@ -215,7 +232,8 @@ mod tests {
         for warp in every_warp() {
             assert_eq!(warp.to_string().parse::<Warp>(), Ok(warp));
         }
-        for bad in ["", "log+", "log+-1", "log+inf", "log+NaN", "Sqrt"] {
+        for bad in ["", "log+", "log+-1", "log+inf", "log+NaN", "Sqrt", "reciprocal", "reciprocal+0", "reciprocal+inf"]
+        {
             assert_eq!(bad.parse::<Warp>(), Err(UnknownWarp), "{bad}");
         }
     }

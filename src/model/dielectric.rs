@@ -7,6 +7,7 @@
 //! BTDF) and 40 (refracted direction); exact unpolarised Fresnel equations (Born and Wolf, as every optics text gives them).
 
 use super::Lobe;
+use super::fresnel::{f0_of_eta, schlick_weight};
 use super::ggx::Ggx;
 use crate::math::frame::reflect;
 use glam::DVec3;
@@ -122,31 +123,65 @@ impl Dielectric {
         visible * jacobian * transmittance(cosine, cosine_t, self.eta)
     }
 
+    /// (F − F0)/(1 − F0) from the thinner side, `eta` above 1 and finite: what a generalised Schlick reflectance has for (1 − mu)⁵.
+    #[inline]
+    pub fn rise_outside(mu: f64, eta: f64) -> f64 {
+        let f0 = f0_of_eta(eta);
+        (reflectance_outside(mu, eta) - f0) / (1.0 - f0)
+    }
+
     /// What one visible normal sends up and down, as parts of what comes in: the integrands of reflectance and transmittance
     /// over their density.
     #[inline]
     pub fn scattered_by(&self, wo: DVec3, h: DVec3) -> Option<[f64; 2]> {
-        let (smith, l_o, cosine) = (self.facets.smith, self.facets.l(wo), wo.dot(h));
-        let f = reflectance(cosine.clamp(0.0, 1.0), self.eta); // outside by rounding only: the normal is visible
+        let ways = self.ways_at(wo, h)?;
+        let f = reflectance(ways.cosine, self.eta);
+        Some([f * ways.up, (1.0 - f) * ways.down])
+    }
+
+    /// What one visible normal sends up and down before reflectance divides it.
+    #[inline]
+    pub fn ways_at(&self, wo: DVec3, h: DVec3) -> Option<Ways> {
+        let (smith, l_o) = (self.facets.smith, self.facets.l(wo));
+        let cosine = wo.dot(h).clamp(0.0, 1.0); // outside by rounding only: the normal is visible
         let seen = 0.5 * (wo.z + l_o); // μo/G1
         let wi = reflect(wo, h);
         let up = if wi.z > 0.0 {
             let v = smith.visibility(self.facets.alpha_x, (wo.z, l_o), (wi.z, self.facets.l(wi)));
-            4.0 * wi.z * v * seen * f
+            4.0 * wi.z * v * seen
         } else {
             0.0
         };
-        let down = match refracted_cosine(cosine.clamp(0.0, 1.0), self.eta) {
+        // Into an infinite index light goes along the facet's normal.
+        let cosine_t = if self.eta == f64::INFINITY { Some(1.0) } else { refracted_cosine(cosine, self.eta) };
+        let down = match cosine_t {
             None => 0.0,
             Some(cosine_t) => {
                 let wt = -wo / self.eta + (cosine / self.eta - cosine_t) * h;
-                if wt.z < 0.0 {
-                    smith.through((wo.z, l_o), (-wt.z, self.facets.l(wt)))? * seen * (1.0 - f)
-                } else {
-                    0.0
-                }
+                if wt.z < 0.0 { smith.through((wo.z, l_o), (-wt.z, self.facets.l(wt)))? * seen } else { 0.0 }
             }
         };
-        Some([up, down])
+        Some(Ways { cosine, cosine_t, up, down })
+    }
+}
+
+/// Both ways on from a facet.
+#[derive(Debug, Clone, Copy)]
+pub struct Ways {
+    /// The cosine of wo to the facet's normal.
+    pub cosine: f64,
+    /// That of the refracted direction on the other side; none where all is reflected.
+    pub cosine_t: Option<f64>,
+    /// What goes up, as a part of what comes in, if all is reflected.
+    pub up: f64,
+    /// What goes down if all is let through.
+    pub down: f64,
+}
+
+impl Ways {
+    /// Schlick's weight of the angle on the thinner side; 1 where all is reflected.
+    #[inline]
+    pub fn schlick_weight(&self) -> f64 {
+        self.cosine_t.map_or(1.0, |cosine_t| schlick_weight(self.cosine.min(cosine_t)))
     }
 }

@@ -132,6 +132,29 @@ impl Ltc {
         [self.x[0], self.x[1], self.z[0], self.z[1]].map(|entry| entry / self.y)
     }
 
+    /// m02, m20, m11 and m22, in parts of m00.
+    pub fn by_m00(&self) -> [f64; 4] {
+        [self.x[1], self.z[0], self.y, self.z[1]].map(|entry| entry / self.x[0])
+    }
+
+    /// M itself, which makes the lobe of the cosine, with what it makes of +z of length 1: m00, m20, m11, m02 and m22.
+    pub fn lobe_matrix(&self) -> [f64; 5] {
+        let ([a, b], [c, d]) = (self.x, self.z);
+        // The inverse of the block is [d, −b; −c, a] over its determinant, and its second column so long.
+        let length = a.hypot(b);
+        [d / length, -c / length, (a * d - b * c) / (length * self.y), -b / length, a / length]
+    }
+
+    /// The variation that makes this lobe of `other`, to first order: scale apart, N N'⁻¹ less the identity.
+    pub fn step_from(&self, other: &Self) -> [f64; VARIATIONS] {
+        let ([a, b], [c, d]) = (other.x, other.z);
+        let block = a * d - b * c;
+        // A row of the block times the inverse of the other's.
+        let over = |[p, q]: [f64; 2]| [(p * d - q * c) / block, (q * a - p * b) / block];
+        let ([xx, xz], [zx, zz]) = (over(self.x), over(self.z));
+        [xx / zz - 1.0, self.y / (other.y * zz) - 1.0, xz / zz, zx / zz]
+    }
+
     /// m00, m02, m20 and m11, in parts of m22.
     pub fn by_m22(&self) -> [f64; 4] {
         [self.x[0], self.x[1], self.z[0], self.y].map(|entry| entry / self.z[1])
@@ -187,6 +210,31 @@ mod tests {
                     assert!((derivative - difference).abs() < tolerance, "{k}: {derivative} {difference}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_step_is_found_from_what_it_made() {
+        let step = [1e-4, -2e-4, 3e-4, 5e-5];
+        for ltc in LOBES {
+            let mut varied = ltc.varied(step);
+            [varied.x, varied.z] = [varied.x, varied.z].map(|row| row.map(|entry| 3.0 * entry));
+            varied.y *= 3.0;
+            for (found, wanted) in varied.step_from(&ltc).into_iter().zip(step) {
+                assert!((found - wanted).abs() < 4e-7, "{ltc:?}: {found}, wanted {wanted}"); // squares of steps
+            }
+        }
+    }
+
+    #[test]
+    fn the_matrix_of_the_lobe_undoes_the_inverse_one() {
+        for ltc in LOBES {
+            let [m00, m20, m11, m02, m22] = ltc.lobe_matrix();
+            assert!((m02.hypot(m22) - 1.0).abs() < 1e-15);
+            let w = DVec3::new(0.3, -0.5, 0.7);
+            let back = ltc.transform(DVec3::new(m00 * w.x + m02 * w.z, m11 * w.y, m20 * w.x + m22 * w.z));
+            let scale = back.z / w.z;
+            assert!((back - scale * w).length() < 1e-14 * scale.abs(), "{ltc:?}: {back}");
         }
     }
 

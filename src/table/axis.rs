@@ -56,7 +56,11 @@ impl Axis {
 
     /// Smallest and largest value of the parameter along the axis, if it is known where it ends.
     pub fn known_range(&self) -> Option<(f64, f64)> {
-        let of_warp = (self.warp == Warp::F0FourthRoot).then_some((1.0, f64::INFINITY));
+        let of_warp = match self.warp {
+            Warp::F0FourthRoot => Some((1.0, f64::INFINITY)),
+            Warp::Reciprocal { .. } if self.parameter == Parameter::Exponent => Some((0.0, f64::INFINITY)),
+            _ => None,
+        };
         self.range.or(of_warp).or(self.parameter.range())
     }
 

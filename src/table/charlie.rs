@@ -11,24 +11,40 @@ use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::direction_with_cosine;
 use crate::model::Lobe;
 use crate::model::charlie::{Charlie, Visibility};
-use std::f64::consts::PI;
+use crate::model::fresnel::schlick_weight;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 const SOURCE: &str =
     "Estevez and Kulla 2017, \"Production Friendly Microfacet Sheen BRDF\", as KHR_materials_sheen gives it";
 
-/// `charlie.albedo`.
+/// `charlie.albedo` and `charlie.bias`.
 #[derive(Debug)]
 pub struct Directional;
 
-static DIRECTIONAL: [Quantity; 1] = [Quantity {
-    name: "charlie.albedo",
-    summary: "directional albedo of the sheen with F = 1; above 1 at grazing angles, where the model gains energy",
-    definition: "∫ D V μi dωi with D = (2 + 1/α) sin^(1/α)θ / 2π",
-    source: SOURCE,
-    parameters: &[Parameter::Mu, Parameter::Alpha],
-    monotone: &[],
-    bounds: (0.0, f64::INFINITY),
-}];
+const fn directional(name: &'static str, summary: &'static str, definition: &'static str) -> Quantity {
+    Quantity {
+        name,
+        summary,
+        definition,
+        source: SOURCE,
+        parameters: &[Parameter::Mu, Parameter::Alpha],
+        monotone: &[],
+        bounds: (0.0, f64::INFINITY),
+    }
+}
+
+static DIRECTIONAL: [Quantity; 2] = [
+    directional(
+        "charlie.albedo",
+        "directional albedo of the sheen with F = 1; above 1 at grazing angles, where the model gains energy",
+        "∫ D V μi dωi with D = (2 + 1/α) sin^(1/α)θ / 2π",
+    ),
+    directional(
+        "charlie.bias",
+        "what Schlick's F90 scales of the sheen: reflectance is F0·albedo + (F90 − F0)·bias",
+        "∫ Fc D V μi dωi with Fc = (1 − wo·h)⁵",
+    ),
+];
 
 /// The albedo where the width is 0 or the direction grazes, if it has one there.
 fn limit(mu: f64, alpha: f64, visibility: Visibility) -> Result<Option<f64>> {
@@ -49,19 +65,23 @@ impl Family for Directional {
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
         let (mu, alpha) = (at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?);
         if let Some(value) = limit(mu, alpha, model.visibility)? {
-            return Ok(vec![Estimate::bound(value, 0.0)]);
+            return Ok(vec![Estimate::bound(value, 0.0); 2]);
         }
-        Ok(vec![quadrature::charlie_albedo(mu, &Charlie { alpha, visibility: model.visibility }, tolerance)])
+        Ok(quadrature::charlie_split(mu, &Charlie { alpha, visibility: model.visibility }, tolerance).into())
     }
 
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
         let (mu, alpha) = (at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?);
         if let Some(value) = limit(mu, alpha, model.visibility)? {
-            return Ok(vec![Estimate::sigma(value, 0.0)]);
+            return Ok(vec![Estimate::sigma(value, 0.0); 2]);
         }
         let (lobe, wo) = (Charlie { alpha, visibility: model.visibility }, direction_with_cosine(mu));
-        let (estimates, _) =
-            integration.points2.integrate(integration.stop(), |u| [lobe.sample(wo, u).map_or(0.0, |s| s.weight)]);
+        let (estimates, _) = integration.points2.integrate(integration.stop(), |u| {
+            lobe.sample(wo, u).map_or([0.0; 2], |s| {
+                let cosine = (0.5 * (wo + s.wi).length()).min(1.0); // at most 1 but for rounding
+                [1.0, schlick_weight(cosine)].map(|fresnel| fresnel * s.weight)
+            })
+        });
         Ok(estimates.into())
     }
 
@@ -74,7 +94,12 @@ impl Family for Directional {
         let n = 1.0 / alpha;
         if mu == 1.0 {
             let value = 2.0 / (n + 4.0) * (-0.5 * (n + 2.0)).exp2();
-            return vec![Identity { quantity: 0, value, slack: 0.0, fact: "closed form of E at mu = 1" }];
+            let mut known = vec![Identity { quantity: 0, value, slack: 0.0, fact: "closed form of E at mu = 1" }];
+            if n == 2.0 {
+                let fact = "closed form of the bias at mu = 1, alpha = 1/2";
+                known.push(Identity { quantity: 1, value: bias_from_above(), slack: 8.0 * f64::EPSILON, fact });
+            }
+            return known;
         }
         if mu == 0.0 {
             let (above, below) = (libm::lgamma(0.5 * (n + 3.0)), libm::lgamma(0.5 * (n + 4.0)));
@@ -84,6 +109,15 @@ impl Family for Directional {
         }
         vec![]
     }
+}
+
+/// The bias seen from above at n = 2, where it is 4 ∫ (1 − c²)(2c² − 1)(1 − c)⁵ c dc from 1/√2 to 1, of the cosine c = wo·h = h_z: with
+/// x = 1 − c a polynomial of degree 10.
+fn bias_from_above() -> f64 {
+    let end = 1.0 - FRAC_1_SQRT_2;
+    // (2x − x²)(1 − 4x + 2x²)(1 − x) = 2x − 11x² + 17x³ − 10x⁴ + 2x⁵
+    let terms = [2.0, -11.0, 17.0, -10.0, 2.0];
+    4.0 * terms.iter().zip(7..).map(|(term, power)| term * end.powi(power) / f64::from(power)).sum::<f64>()
 }
 
 /// `charlie.albedo_avg`.

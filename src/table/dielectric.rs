@@ -51,7 +51,7 @@ static AVERAGE: [Quantity; 3] = [
 ];
 
 /// The interface, if its masking is one that light can go through.
-fn interface(alpha: f64, eta: f64, model: &Model) -> Result<Dielectric> {
+pub(super) fn interface(alpha: f64, eta: f64, model: &Model) -> Result<Dielectric> {
     match model.smith {
         Smith::Correlated | Smith::Separable | Smith::Beta => {
             Ok(Dielectric { facets: Ggx::isotropic(alpha, model.smith), eta })
@@ -75,7 +75,7 @@ fn mirror(albedo: Estimate) -> Vec<Estimate> {
 
 /// Where nothing refracts but the grazing ray goes straight on, its masking has a limit: Λo = Λt grow without bound together,
 /// and of G2/G1 = (1 + Λo)/(1 + Λo + Λt) there remains a half; of the other forms, nothing.
-fn grazing_through_nothing(smith: Smith) -> [f64; 3] {
+pub(super) fn grazing_through_nothing(smith: Smith) -> [f64; 3] {
     let through = if smith == Smith::Correlated { 0.5 } else { 0.0 };
     [0.0, through, through]
 }

@@ -15,11 +15,11 @@ const MATERIALX: &str = "MaterialX, generalized Schlick with F82; Portsmouth, Ku
 
 /// Quantities that are closed forms of a point: nothing to integrate, an error of a few ulp.
 pub struct Pointwise {
-    quantities: &'static [Quantity],
-    values: fn(&Point) -> Result<Vec<f64>>,
+    pub(super) quantities: &'static [Quantity],
+    pub(super) values: fn(&Point) -> Result<Vec<f64>>,
     /// Bound on the error, absolute (all values are of order 1): counted roundings in units of f64's epsilon.
-    epsilons: f64,
-    known: fn(&Point) -> Vec<Identity>,
+    pub(super) epsilons: f64,
+    pub(super) known: fn(&Point) -> Vec<Identity>,
 }
 
 impl Family for Pointwise {

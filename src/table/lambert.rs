@@ -1,6 +1,7 @@
-//! The Lambertian: the simplest lobe, whose albedo is its colour from everywhere.
+//! The Lambertian: the simplest lobe, whose albedo is its colour from everywhere; and the cloth that Unity makes of it.
 
-use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity};
+use super::fresnel::Pointwise;
+use super::quantity::{Family, Identity, Model, Parameter, Point, Quantity, Trend};
 use crate::error::Result;
 use crate::integrate::{Estimate, Integration};
 use crate::math::frame::direction_with_cosine;
@@ -53,3 +54,22 @@ impl Family for Lambertian {
         vec![Identity { quantity: 0, value: 1.0, slack: 0.0, fact: "a Lambertian of colour 1 reflects all" }]
     }
 }
+
+/// `fabric-lambert.albedo`.
+pub static FABRIC: Pointwise = Pointwise {
+    quantities: &[Quantity {
+        name: "fabric-lambert.albedo",
+        summary: "albedo of Unity's Lambertian for cloth, which darkens with the width; from everywhere the same",
+        definition: "1 − α/2",
+        source: "Unity's render pipelines, FabricLambert of BSDF.hlsl",
+        parameters: &[Parameter::Alpha],
+        monotone: &[(Parameter::Alpha, Trend::Falls)],
+        bounds: (0.5, 1.0),
+    }],
+    values: |at| Ok(vec![1.0 - 0.5 * at.get(Parameter::Alpha)?]),
+    epsilons: 1.0,
+    known: |at| match at.get(Parameter::Alpha) {
+        Ok(0.0) => vec![Identity { quantity: 0, value: 1.0, slack: 0.0, fact: "at alpha = 0 it is Lambert's" }],
+        _ => vec![],
+    },
+};

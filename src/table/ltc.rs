@@ -32,6 +32,9 @@ const FIT: &str = "of the matrix N that makes ∫ (g − f cosθ/E)² dω least,
 pub const LEAST_ALPHA: f64 = 1e-5;
 /// The same in parts of m22, in which entries grow as 1/alpha: Unity's tables, which are of halves, begin there.
 pub const LEAST_ALPHA_BY_M22: f64 = 1e-3;
+/// The same of the matrix that makes the lobe: at the horizon its entries do not vanish with alpha, and below this width random points no longer
+/// find them. Godot's shader reads from an alpha of 4e-4 on.
+pub const LEAST_ALPHA_OF_LOBE: f64 = 1e-4;
 
 /// `ltc.m00`, `ltc.m02`, `ltc.m20`, `ltc.m22`: in parts of m11.
 #[derive(Debug)]
@@ -65,8 +68,9 @@ const SAFETY: f64 = 2.0;
 const ROUNDING: f64 = 1e-13;
 /// How well the fit is known where the random witness begins.
 const START: f64 = 1e-6;
-/// The standard error of a step at which the random witness stops, if it is not told a number of points.
-const ENOUGH: f64 = 1e-3;
+/// The standard error of a step at which the random witness stops at the latest, if it is not told a number of points: a lobe that is far from
+/// what it stands for, at grazing angles, would take points by the million for more digits.
+const ENOUGH: f64 = 2e-4;
 /// Points from which the random witness learns how far a gradient leads.
 const CURVATURE_SAMPLES: u64 = 4096;
 
@@ -74,21 +78,81 @@ fn place(at: &Point, least: f64) -> Result<(f64, f64)> {
     Ok((at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?.max(least)))
 }
 
-/// The entries of a fit, and the bound that its two rules give them. The second and the third are off the diagonal, and nothing where the lobe is
-/// round about the normal: seen from straight above, and at alpha 1, where facets point everywhere alike and masking knows elevations only.
-fn entries(at: (f64, f64), smith: Smith, tolerance: f64, of: impl Fn(&Ltc) -> [f64; 4]) -> Vec<Estimate> {
-    let error = |fit: &quadrature::LtcFit| {
-        let (finer, coarser) = (of(&fit.ltc), of(&fit.coarser));
-        let apart = finer.iter().zip(coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let largest = finer.iter().fold(1.0, |most: f64, entry| most.max(entry.abs()));
-        SAFETY * (apart + fit.promise * largest) + ROUNDING * largest
-    };
-    let fit = quadrature::ltc_fit(at.0, at.1, smith, |fit| error(fit) <= tolerance);
-    let mut entries = of(&fit.ltc).map(|value| Estimate::bound(value, error(&fit)));
-    if at.0 == 1.0 || at.1 == 1.0 {
-        entries[1..3].fill(Estimate::bound(0.0, 0.0));
+/// The variation by which the sensitivity of an entry is found: small enough for its square not to matter.
+const VARIATION: f64 = 1e-5;
+
+/// By how much each entry changes with the variations of the lobe at most, all taken together.
+fn sensitivities<const N: usize>(ltc: &Ltc, of: &impl Fn(&Ltc) -> [f64; N]) -> [f64; N] {
+    let here = of(ltc);
+    let mut sums = [0.0; N];
+    for k in 0..VARIATIONS {
+        let there = of(&ltc.varied(std::array::from_fn(|i| if i == k { VARIATION } else { 0.0 })));
+        sums.iter_mut().zip(here.iter().zip(there)).for_each(|(sum, (a, b))| *sum += (a - b).abs() / VARIATION);
     }
-    entries.into()
+    sums
+}
+
+/// What entries that grow like 1/alpha are known to, in parts of the largest, whatever larger error is acceptable.
+const RELATIVE: f64 = 1e-8;
+/// Of entries that do not, nothing more is asked for than the tolerance.
+const ANY: f64 = f64::INFINITY;
+
+/// Which entries of a matrix are off its diagonal.
+type OffDiagonal = fn(usize) -> bool;
+
+/// The entries of a fit, and the bound that its two rules give them: how far apart their entries are, or their lobes as a variation, in which a
+/// narrow lobe is like any, times what the entry makes of one, whichever is less. Entries off the diagonal are nothing where the lobe is round about the
+/// normal: seen from straight above, and at alpha 1, where facets point everywhere alike and masking knows elevations only.
+fn entries<const N: usize>(
+    at: (f64, f64),
+    smith: Smith,
+    [tolerance, relative]: [f64; 2],
+    of: impl Fn(&Ltc) -> [f64; N],
+    is_off_diagonal: OffDiagonal,
+) -> Vec<Estimate> {
+    let errors = |fit: &quadrature::LtcFit| {
+        // The largest difference speaks for all, of entries and of variations: either bounds every entry.
+        let step = fit.ltc.step_from(&fit.coarser).iter().fold(0.0, |most: f64, step| most.max(step.abs()));
+        let (values, coarser, slopes) = (of(&fit.ltc), of(&fit.coarser), sensitivities(&fit.ltc, &of));
+        let apart = values.iter().zip(coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let largest = values.iter().fold(1.0, |most: f64, value| most.max(value.abs()));
+        slopes.map(|slope| {
+            let slope = slope.max(f64::EPSILON * largest);
+            let of_entries = SAFETY * (apart + fit.promise * largest) + ROUNDING * largest;
+            of_entries.min((SAFETY * (step + fit.promise) + ROUNDING) * slope)
+        })
+    };
+    let fit = quadrature::ltc_fit(at.0, at.1, smith, |fit| {
+        // A tolerance that the largest of large entries asks for is not one for the small ones beside it.
+        let largest = of(&fit.ltc).iter().fold(1.0, |most: f64, value| most.max(value.abs()));
+        errors(fit).iter().all(|error| *error <= tolerance.min(relative * largest))
+    });
+    let (values, errors) = (of(&fit.ltc), errors(&fit));
+    let is_round = at.0 == 1.0 || at.1 == 1.0;
+    let entry = |i| {
+        if is_round && is_off_diagonal(i) { Estimate::bound(0.0, 0.0) } else { Estimate::bound(values[i], errors[i]) }
+    };
+    (0..N).map(entry).collect()
+}
+
+/// The same by the random witness: the standard errors of a step, each times what the entry makes of it.
+fn random_entries<const N: usize>(
+    (mu, alpha): (f64, f64),
+    smith: Smith,
+    integration: &Integration,
+    of: impl Fn(&Ltc) -> [f64; N],
+) -> Vec<Estimate> {
+    let whole = |ltc: &Ltc| sensitivities(ltc, &of).into_iter().fold(1.0, f64::max);
+    let (ltc, steps) = random_step(mu, alpha, smith, integration, whole);
+    let values = of(&ltc);
+    let mut errors = sensitivities(&ltc, &of).map(|slope| START * slope.max(1.0));
+    for (k, step) in steps.into_iter().enumerate() {
+        let there = of(&ltc.varied(std::array::from_fn(|i| if i == k { VARIATION } else { 0.0 })));
+        for i in 0..N {
+            errors[i] += step * (there[i] - values[i]).abs() / VARIATION;
+        }
+    }
+    values.into_iter().zip(errors).map(|(value, error)| Estimate::sigma(value, error)).collect()
 }
 
 fn approximation((mu, alpha): (f64, f64), smith: Smith) -> Approximation {
@@ -103,21 +167,11 @@ impl Family for ByM11 {
     }
 
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
-        Ok(entries(place(at, LEAST_ALPHA)?, model.smith, tolerance, Ltc::by_m11))
+        Ok(entries(place(at, LEAST_ALPHA)?, model.smith, [tolerance, ANY], Ltc::by_m11, |i| i == 1 || i == 2))
     }
 
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
-        let (mu, alpha) = place(at, LEAST_ALPHA)?;
-        let (ltc, steps) = random_step(mu, alpha, model.smith, integration);
-        let ([stretch_x, stretch_y, shear_x, shear_z], values) = (steps, ltc.by_m11());
-        let [m00, m02, m20, m22] = values.map(f64::abs);
-        let errors = [
-            (stretch_x + stretch_y) * m00 + shear_x * m20,
-            (stretch_x + stretch_y) * m02 + shear_x * m22,
-            stretch_y * m20 + shear_z * m00,
-            stretch_y * m22 + shear_z * m02,
-        ];
-        Ok(values.into_iter().zip(errors).map(|(value, error)| Estimate::sigma(value, error + START)).collect())
+        Ok(random_entries(place(at, LEAST_ALPHA)?, model.smith, integration, Ltc::by_m11))
     }
 
     fn identities(&self, at: &Point, model: &Model) -> Vec<Identity> {
@@ -167,38 +221,102 @@ impl Family for ByM22 {
     }
 
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
-        Ok(entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, tolerance, Ltc::by_m22))
+        Ok(entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, [tolerance, RELATIVE], Ltc::by_m22, |i| {
+            i == 1 || i == 2
+        }))
     }
 
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
-        let (mu, alpha) = place(at, LEAST_ALPHA_BY_M22)?;
-        let (ltc, [stretch_x, stretch_y, shear_x, shear_z]) = random_step(mu, alpha, model.smith, integration);
-        let values = ltc.by_m22();
-        let [m00, m02, m20, m11] = values.map(f64::abs);
-        // m22 itself changes by this part of itself.
-        let whole = shear_z * m02;
-        let errors = [
-            (stretch_x + whole) * m00 + shear_x * m20,
-            (stretch_x + whole) * m02 + shear_x,
-            whole * m20 + shear_z * m00,
-            (stretch_y + whole) * m11,
-        ];
-        let scale = values.iter().fold(1.0, |most: f64, entry| most.max(entry.abs()));
-        Ok(values.into_iter().zip(errors).map(|(v, error)| Estimate::sigma(v, error + START * scale)).collect())
+        Ok(random_entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, integration, Ltc::by_m22))
     }
 
     fn identities(&self, at: &Point, _: &Model) -> Vec<Identity> {
-        let known = |quantity, value| Identity {
-            quantity,
-            value,
-            slack: 0.0,
-            fact: "a lobe seen from straight above is round",
-        };
-        if at.get(Parameter::Mu).is_ok_and(|mu| mu == 1.0) { vec![known(1, 0.0), known(2, 0.0)] } else { vec![] }
+        round_from_above(at, [(1, 0.0), (2, 0.0)])
     }
 
     fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
         Some(approximation(place(at, LEAST_ALPHA_BY_M22).ok()?, model.smith))
+    }
+}
+
+/// What is known of a lobe that is seen from straight above.
+fn round_from_above<const N: usize>(at: &Point, known: [(usize, f64); N]) -> Vec<Identity> {
+    let fact = "a lobe seen from straight above is round";
+    let is_above = at.get(Parameter::Mu).is_ok_and(|mu| mu == 1.0);
+    let known = known.into_iter().filter(|_| is_above);
+    known.map(|(quantity, value)| Identity { quantity, value, slack: 0.0, fact }).collect()
+}
+
+/// `ltc-m00.m02`, `ltc-m00.m20`, `ltc-m00.m11`, `ltc-m00.m22`: in parts of m00, as the first published tables were.
+#[derive(Debug)]
+pub struct ByM00;
+
+static BY_M00: [Quantity; 4] = [
+    entry("ltc-m00.m02", "inverse matrix of the lobe for area lights in parts of m00: m02/m00, n_x of z", (-1e7, 1e7)),
+    entry("ltc-m00.m20", "m20/m00 of the same: n_z of x", (-1e7, 1e7)),
+    entry("ltc-m00.m11", "m11/m00 of the same: n_y of y", (0.0, 1e7)),
+    entry("ltc-m00.m22", "m22/m00 of the same: n_z of z", (0.0, 1e7)),
+];
+
+impl Family for ByM00 {
+    fn quantities(&self) -> &'static [Quantity] {
+        &BY_M00
+    }
+
+    fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
+        Ok(entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, [tolerance, RELATIVE], Ltc::by_m00, |i| i < 2))
+    }
+
+    fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
+        Ok(random_entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, integration, Ltc::by_m00))
+    }
+
+    fn identities(&self, at: &Point, _: &Model) -> Vec<Identity> {
+        round_from_above(at, [(0, 0.0), (1, 0.0), (2, 1.0)])
+    }
+
+    fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
+        Some(approximation(place(at, LEAST_ALPHA_BY_M22).ok()?, model.smith))
+    }
+}
+
+/// `ltc-lobe.m00`, `.m20`, `.m11`, `.m02` and `.m22`: the matrix that makes the lobe of the cosine, not its inverse.
+#[derive(Debug)]
+pub struct Forward;
+
+static FORWARD: [Quantity; 5] = [
+    entry(
+        "ltc-lobe.m00",
+        "matrix M = N⁻¹ that makes the lobe for area lights of the cosine, M z of length 1: x of x",
+        (0.0, 4.0),
+    ),
+    entry("ltc-lobe.m20", "m20 of the same: z of x", (-2.0, 2.0)),
+    entry("ltc-lobe.m11", "m11 of the same: y of y", (0.0, 2.0)),
+    entry("ltc-lobe.m02", "m02 of the same: x of z, towards the mirror direction", (-1.0, 0.0)),
+    entry("ltc-lobe.m22", "m22 of the same: z of z", (0.0, 1.0)),
+];
+
+impl Family for Forward {
+    fn quantities(&self) -> &'static [Quantity] {
+        &FORWARD
+    }
+
+    fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
+        Ok(entries(place(at, LEAST_ALPHA_OF_LOBE)?, model.smith, [tolerance, ANY], Ltc::lobe_matrix, |i| {
+            i == 1 || i == 3
+        }))
+    }
+
+    fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
+        Ok(random_entries(place(at, LEAST_ALPHA_OF_LOBE)?, model.smith, integration, Ltc::lobe_matrix))
+    }
+
+    fn identities(&self, at: &Point, _: &Model) -> Vec<Identity> {
+        round_from_above(at, [(1, 0.0), (3, 0.0), (4, 1.0)])
+    }
+
+    fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
+        Some(approximation(place(at, LEAST_ALPHA_OF_LOBE).ok()?, model.smith))
     }
 }
 
@@ -207,7 +325,15 @@ impl Family for ByM22 {
 ///
 /// Each point is used twice, as a direction drawn from GGX itself and as one drawn from the fitted lobe, with the balance heuristic between the two:
 /// no weight exceeds 2.
-fn random_step(mu: f64, alpha: f64, smith: Smith, integration: &Integration) -> (Ltc, [f64; VARIATIONS]) {
+///
+/// `sensitivity` is what an error of a step is multiplied with before it is held against the tolerance.
+fn random_step(
+    mu: f64,
+    alpha: f64,
+    smith: Smith,
+    integration: &Integration,
+    sensitivity: impl Fn(&Ltc) -> f64,
+) -> (Ltc, [f64; VARIATIONS]) {
     let albedo = quadrature::ggx_albedo(mu, alpha, smith, START).value;
     let ltc = quadrature::ltc_fit(mu, alpha, smith, |fit| fit.change() <= START).ltc;
     let (lobe, wo) = (Ggx::isotropic(alpha, smith), direction_with_cosine(mu));
@@ -232,9 +358,8 @@ fn random_step(mu: f64, alpha: f64, smith: Smith, integration: &Integration) -> 
     let curvature = std::array::from_fn(|i| std::array::from_fn(|j| curvature[i * VARIATIONS + j].value));
     let inverse: [[f64; VARIATIONS]; VARIATIONS] =
         std::array::from_fn(|k| quadrature::solve(curvature, std::array::from_fn(|i| if i == k { -1.0 } else { 0.0 })));
-    // A lobe that is far from what it stands for, at grazing angles, would take points by the million for more digits.
     let stop = match integration.stop() {
-        Stop::Tolerance(tolerance) => Stop::Tolerance(tolerance.max(ENOUGH)),
+        Stop::Tolerance(tolerance) => Stop::Tolerance((tolerance / sensitivity(&ltc)).max(ENOUGH)),
         samples => samples,
     };
     let (steps, _) = integration.points2.integrate(stop, |u| {

@@ -1,8 +1,8 @@
 //! Tables: quantities × axes, integrated texel by texel.
 //!
-//! [`quantity`] says what can be in a channel, [`transform`] what becomes of it there, [`axis`] which parameter a texel stands for, [`layout`] where it lies in a file, [`TableSpec::bake`] integrates, [`rounding`]
+//! [`quantity`] says what can be in a channel, [`parameter`] what it depends on, [`transform`] what becomes of it there, [`axis`] which parameter a texel stands for, [`layout`] where it lies in a file, [`TableSpec::bake`] integrates, [`rounding`]
 //! makes sure of the packed value, and [`named`]
-//! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`anisotropic`], [`beckmann`], [`charlie`], [`dielectric`],
+//! lists the tables that have a name. One file per family of quantities computes: [`ggx`], [`anisotropic`], [`beckmann`], [`charlie`], [`dielectric`], [`schlick_dielectric`], [`generalized_schlick`],
 //! [`conductor`], [`diffuse`], [`fresnel`], [`lambert`], [`layered`], [`compensation`], [`ltc`], [`constant`]; [`specular`] holds what two of them share.
 
 pub mod anisotropic;
@@ -17,6 +17,7 @@ pub mod dielectric;
 pub mod diffuse;
 pub mod fit;
 pub mod fresnel;
+pub mod generalized_schlick;
 pub mod ggx;
 pub mod lambert;
 pub mod layered;
@@ -24,8 +25,11 @@ pub mod layout;
 pub mod lookup;
 pub mod ltc;
 pub mod named;
+mod near;
+pub mod parameter;
 pub mod quantity;
 pub mod rounding;
+pub mod schlick_dielectric;
 pub mod specular;
 pub mod transform;
 

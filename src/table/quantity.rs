@@ -1,370 +1,15 @@
 //! Quantities: functions of physical parameters, with what is known of each.
 
+pub use super::near::near_matches;
+pub use super::parameter::{Parameter, Point};
 use super::transform::Transform;
 use crate::error::{Error, Result};
 use crate::integrate::{ErrorKind, Estimate, Integration, Integrator};
-use crate::model::alpha_of_roughness;
 use crate::model::charlie::Visibility;
 use crate::model::ggx::Smith;
 use crate::model::layered::Kd;
 use serde::{Deserialize, Serialize};
 use std::fmt;
-
-/// A physical parameter of a quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Parameter {
-    /// Cosine of the outgoing direction to the normal.
-    Mu,
-    /// Width of the microfacet distribution.
-    Alpha,
-    /// The artist's value: alpha = roughness².
-    Roughness,
-    /// Reflectance at normal incidence.
-    F0,
-    /// What remains at 82° of Schlick's reflectance.
-    F82,
-    /// Relative index of refraction of a dielectric.
-    Eta,
-    /// Real part of a conductor's index of refraction.
-    N,
-    /// Imaginary part of a conductor's index of refraction.
-    K,
-    /// Standard deviation of the slope angle of a rough diffuse surface.
-    Sigma,
-    /// Albedo of a diffuse surface.
-    Rho,
-    /// Azimuth of the outgoing direction.
-    Phi,
-    /// Width of an anisotropic distribution along the tangent.
-    AlphaX,
-    /// Width of an anisotropic distribution along the bitangent.
-    AlphaY,
-    /// Cosine of a sphere's centre to the normal.
-    CosCentre,
-    /// Squared sine of the angular radius of a sphere.
-    Sin2Radius,
-}
-
-/// What is known of a parameter: one row each.
-struct Facts {
-    parameter: Parameter,
-    name: &'static str,
-    summary: &'static str,
-    /// Values that make sense, both ends included.
-    domain: (f64, f64),
-    /// Values outside the domain at which quantities have a limit.
-    limits: &'static [f64],
-    /// What an axis covers unless it says otherwise.
-    range: Option<(f64, f64)>,
-}
-
-const UNIT: (f64, f64) = (0.0, 1.0);
-
-const FACTS: [Facts; Parameter::ALL.len()] = [
-    Facts {
-        parameter: Parameter::Mu,
-        name: "mu",
-        summary: "cosine of the outgoing direction to the normal",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::Alpha,
-        name: "alpha",
-        summary: "width of the microfacet distribution",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::Roughness,
-        name: "roughness",
-        summary: "the artist's value; alpha = roughness²",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::F0,
-        name: "f0",
-        summary: "reflectance at normal incidence",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::F82,
-        name: "f82",
-        summary: "what remains of Schlick's reflectance at 82°; 1 is no tint",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::Eta,
-        name: "eta",
-        summary: "relative index of refraction n_t/n_i: below 1 from the denser side",
-        domain: (1e-5, 1e5),
-        limits: &[0.0, f64::INFINITY],
-        range: None,
-    },
-    Facts {
-        parameter: Parameter::N,
-        name: "n",
-        summary: "real part of a conductor's relative index of refraction",
-        domain: (0.01, 20.0),
-        limits: &[],
-        range: None,
-    },
-    Facts {
-        parameter: Parameter::K,
-        name: "k",
-        summary: "imaginary part of a conductor's relative index of refraction",
-        domain: (0.0, 30.0),
-        limits: &[],
-        range: None,
-    },
-    Facts {
-        parameter: Parameter::Sigma,
-        name: "sigma",
-        summary: "standard deviation of the slope angle of a rough diffuse surface, in radians",
-        domain: (0.0, std::f64::consts::FRAC_PI_2),
-        limits: &[],
-        range: Some((0.0, std::f64::consts::FRAC_PI_2)),
-    },
-    Facts {
-        parameter: Parameter::Rho,
-        name: "rho",
-        summary: "albedo of a diffuse surface",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::Phi,
-        name: "phi",
-        summary: "azimuth of the outgoing direction from the tangent, in radians; beyond π/2 a lobe repeats itself",
-        domain: (0.0, std::f64::consts::TAU),
-        limits: &[],
-        range: Some((0.0, std::f64::consts::FRAC_PI_2)),
-    },
-    Facts {
-        parameter: Parameter::AlphaX,
-        name: "alpha_x",
-        summary: "width of an anisotropic microfacet distribution along the tangent",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::AlphaY,
-        name: "alpha_y",
-        summary: "width of an anisotropic microfacet distribution along the bitangent",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-    Facts {
-        parameter: Parameter::CosCentre,
-        name: "cos_centre",
-        summary: "cosine of a sphere's centre to the normal: below 0 where it is under the horizon",
-        domain: (-1.0, 1.0),
-        limits: &[],
-        range: Some((-1.0, 1.0)),
-    },
-    Facts {
-        parameter: Parameter::Sin2Radius,
-        name: "sin2_radius",
-        summary: "squared sine of the angular radius of a sphere: the length of its vector form factor",
-        domain: UNIT,
-        limits: &[],
-        range: Some(UNIT),
-    },
-];
-
-impl Parameter {
-    /// Every parameter.
-    pub const ALL: [Self; 15] = [
-        Self::Mu,
-        Self::Alpha,
-        Self::Roughness,
-        Self::F0,
-        Self::F82,
-        Self::Eta,
-        Self::N,
-        Self::K,
-        Self::Sigma,
-        Self::Rho,
-        Self::Phi,
-        Self::AlphaX,
-        Self::AlphaY,
-        Self::CosCentre,
-        Self::Sin2Radius,
-    ];
-
-    fn facts(self) -> &'static Facts {
-        let facts = &FACTS[self as usize];
-        debug_assert_eq!(facts.parameter, self, "FACTS is in the order of ALL");
-        facts
-    }
-
-    /// The name that a user writes.
-    pub fn name(self) -> &'static str {
-        self.facts().name
-    }
-
-    /// Its name in shader code.
-    pub fn shader_name(self) -> &'static str {
-        if self == Self::Mu { "NoV" } else { self.name() }
-    }
-
-    /// The parameter of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|p| p.name() == name)
-    }
-
-    /// One sentence for `kiln list`.
-    pub fn summary(self) -> &'static str {
-        self.facts().summary
-    }
-
-    /// Values that make sense, both ends included.
-    pub fn domain(self) -> (f64, f64) {
-        self.facts().domain
-    }
-
-    /// Whether quantities have a value, or a limit, there.
-    pub fn admits(self, value: f64) -> bool {
-        let Facts { domain: (low, high), limits, .. } = self.facts();
-        (*low..=*high).contains(&value) || limits.contains(&value)
-    }
-
-    /// The domain in words: `[0, 1]`, and the limits outside it.
-    pub fn domain_text(self) -> String {
-        let Facts { domain: (low, high), limits, .. } = self.facts();
-        let limits: Vec<String> = limits.iter().map(f64::to_string).collect();
-        if limits.is_empty() {
-            format!("[{low}, {high}]")
-        } else {
-            format!("[{low}, {high}] or {}", limits.join(" or "))
-        }
-    }
-
-    /// What an axis covers unless it says otherwise; of an index of refraction, nobody knows.
-    pub fn range(self) -> Option<(f64, f64)> {
-        self.facts().range
-    }
-
-    /// The parameter that stands for both where two are names of one: `roughness` and `alpha` determine each other.
-    pub fn canonical(self) -> Self {
-        if self == Self::Roughness { Self::Alpha } else { self }
-    }
-}
-
-impl fmt::Display for Parameter {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// Values of the parameters at which a quantity is wanted; in a file, texts such as `eta=1.5`.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(try_from = "Vec<String>", into = "Vec<String>")]
-pub struct Point {
-    values: [Option<f64>; Parameter::ALL.len()],
-}
-
-impl Point {
-    /// The same point with `parameter` set.
-    ///
-    /// **Errors**: a value outside the parameter's domain, or a second value for the same parameter.
-    pub fn with(mut self, parameter: Parameter, value: f64) -> Result<Self> {
-        if !parameter.admits(value) {
-            let (low, high) = parameter.domain();
-            return Err(Error::usage(
-                format!("{parameter} {value} is outside its domain {}", parameter.domain_text()),
-                format!("give {parameter} from {low} to {high}"),
-            ));
-        }
-        if Parameter::ALL
-            .into_iter()
-            .any(|p| p.canonical() == parameter.canonical() && self.values[p as usize].is_some())
-        {
-            return Err(if parameter == parameter.canonical() && parameter != Parameter::Alpha {
-                Error::usage(format!("{parameter} is given twice"), "give it once")
-            } else {
-                Error::usage("the width is given twice", "give either alpha or roughness, once")
-            });
-        }
-        self.set(parameter, value);
-        Ok(self)
-    }
-
-    /// Like [`Point::with`], for a value that an axis has already kept in the domain.
-    pub(crate) fn set(&mut self, parameter: Parameter, value: f64) {
-        self.values[parameter as usize] = Some(value);
-    }
-
-    /// Whether no parameter was given.
-    pub fn is_empty(&self) -> bool {
-        self.given().next().is_none()
-    }
-
-    /// The parameters that were given, in the order of [`Parameter::ALL`].
-    pub fn given(&self) -> impl Iterator<Item = (Parameter, f64)> + '_ {
-        Parameter::ALL.into_iter().filter_map(|p| self.values[p as usize].map(|value| (p, value)))
-    }
-
-    /// The value of `parameter`; alpha follows from roughness and roughness from alpha.
-    ///
-    /// **Errors**: it was not given.
-    pub fn get(&self, parameter: Parameter) -> Result<f64> {
-        let given = |p: Parameter| self.values[p as usize];
-        let derived = match parameter {
-            Parameter::Alpha => given(Parameter::Roughness).map(alpha_of_roughness),
-            Parameter::Roughness => given(Parameter::Alpha).map(f64::sqrt),
-            _ => None,
-        };
-        given(parameter).or(derived).ok_or_else(|| {
-            let hint = match parameter.canonical() {
-                Parameter::Alpha => "give alpha or roughness".to_owned(),
-                p => format!("give {p}"),
-            };
-            Error::usage(format!("no value for {parameter}"), hint)
-        })
-    }
-}
-
-/// `eta 1.5, rho 0.8`.
-impl fmt::Display for Point {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let texts: Vec<String> = self.given().map(|(parameter, value)| format!("{parameter} {value}")).collect();
-        f.write_str(&texts.join(", "))
-    }
-}
-
-impl TryFrom<Vec<String>> for Point {
-    type Error = Error;
-
-    fn try_from(texts: Vec<String>) -> Result<Self> {
-        texts.iter().try_fold(Self::default(), |point, text| {
-            let known =
-                |(name, value): (&str, &str)| Some((Parameter::from_name(name.trim())?, value.trim().parse().ok()?));
-            let (parameter, value) = text.split_once('=').and_then(known).ok_or_else(|| {
-                Error::usage(format!("{text:?} gives no parameter a value"), "write PARAMETER=NUMBER, such as eta=1.5")
-            })?;
-            point.with(parameter, value)
-        })
-    }
-}
-
-impl From<Point> for Vec<String> {
-    fn from(point: Point) -> Self {
-        point.given().map(|(parameter, value)| format!("{parameter}={value}")).collect()
-    }
-}
 
 /// The choices within a model that a quantity is computed for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -437,8 +82,20 @@ impl Quantity {
 
     /// Whether masking and shadowing are by Smith: of the microfacet lobes of surfaces, and what is made of them.
     pub fn depends_on_smith(&self) -> bool {
-        let families = ["ggx", "beckmann", "dielectric", "conductor", "layered", "compensation", "ltc", "ltc-m22"];
-        families.contains(&self.family_name())
+        const FAMILIES: [&str; 11] = [
+            "ggx",
+            "beckmann",
+            "dielectric",
+            "schlick-dielectric",
+            "conductor",
+            "layered",
+            "compensation",
+            "ltc",
+            "ltc-m00",
+            "ltc-m22",
+            "ltc-lobe",
+        ];
+        FAMILIES.contains(&self.family_name())
     }
 
     /// Whether it has the visibility term of the sheen.
@@ -527,7 +184,12 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::charlie::Average,
     &super::dielectric::Directional,
     &super::dielectric::Average,
+    &super::schlick_dielectric::Directional,
+    &super::schlick_dielectric::AboutCritical,
+    &super::generalized_schlick::POWER,
+    &super::generalized_schlick::DIELECTRIC,
     &super::lambert::Lambertian,
+    &super::lambert::FABRIC,
     &super::fresnel::SCHLICK,
     &super::fresnel::DIELECTRIC,
     &super::fresnel::CONDUCTOR,
@@ -545,6 +207,8 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::compensation::Compensation,
     &super::ltc::ByM11,
     &super::ltc::ByM22,
+    &super::ltc::ByM00,
+    &super::ltc::Forward,
     &super::ltc::ClippedSphere,
     &super::constant::Constant,
 ];
@@ -713,48 +377,6 @@ pub fn find_among(text: &str, given: impl Fn(Parameter) -> bool) -> Result<Handl
     })
 }
 
-/// Letters that a mistyped name is off by at most, and names that are offered instead.
-const NEAR: usize = 3;
-const MOST_MATCHES: usize = 5;
-
-/// A way out for a mistyped name: the likeliest ones, and where the whole list is.
-pub fn near_matches(name: &str, known: &[&str], list: &str) -> String {
-    // `prefix.*` is mistyped where the prefix is.
-    let wanted = name.trim_end_matches(['.', '*']);
-    // No name has a capital.
-    let wanted = &wanted.to_lowercase();
-    let last = wanted.rsplit('.').next().unwrap_or(wanted);
-    let family = |k: &str| k.split('.').next().map_or(usize::MAX, |family| distance(family, wanted));
-    // A word of which every letter is another is not mistyped.
-    let most = NEAR.min(wanted.chars().count().saturating_sub(1));
-    let mut near: Vec<(usize, &str)> = known
-        .iter()
-        .map(|k| (distance(k, wanted).min(if name.ends_with('*') { family(k) } else { usize::MAX }), *k))
-        .filter(|(off, k)| *off <= most || (!last.is_empty() && k.contains(last)))
-        .collect();
-    // Two lobes may have a quantity of the same name.
-    near.sort_unstable();
-    near.dedup();
-    let near: Vec<&str> = near.into_iter().map(|(_, k)| k).take(MOST_MATCHES).collect();
-    if near.is_empty() { format!("see `{list}`") } else { format!("did you mean {}? see `{list}`", near.join(", ")) }
-}
-
-/// The number of insertions, deletions and substitutions between two words (Levenshtein), row by row.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -764,7 +386,7 @@ mod tests {
         use crate::integrate::{Integration, Settings};
         let integration =
             Integration::new(Settings { tolerance: Some(1e-6), ..Settings::default() }).expect("settings");
-        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6, 0.1, 0.3];
+        let values = [0.3, 0.4, 0.25, 0.04, 0.5, 1.5, 0.4, 2.0, 0.3, 0.5, 0.2, 0.2, 0.6, 0.1, 0.3, 2.5, 0.7];
         for handle in all().filter(|h| h.family.has_quadrature()) {
             let at = Parameter::ALL.into_iter().zip(values).filter(|(p, _)| handle.quantity.parameters.contains(p));
             let at = at.fold(Point::default(), |at, (p, v)| at.with(p, v).expect("in the domain"));

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // in helpers, which clippy does not count among the tests
 
+use crate::support::kiln::succeed;
 use crate::support::samples::Random;
 use crate::support::tools;
 use kiln::bake;
@@ -537,6 +538,61 @@ fn conversions_that_need_no_rounding_change_nothing() {
         bytes = next;
     }
     assert_eq!(bytes, format::encode("npy:f32".parse().unwrap(), &flat).unwrap());
+}
+
+/// Slices of a volume are layers of channels in an OpenEXR and an axis of an array, and come back from either; a row of several channels is
+/// no other than a picture.
+#[test]
+fn volumes_and_rows_go_through_every_container_that_has_a_form_for_them() {
+    let values: Vec<f32> = (0..3 * 2 * 12 * 2).map(|i| i as f32).collect();
+    let volume = Texture::volume("rg32f".parse().unwrap(), [3, 2, 12], &values).unwrap().0;
+    let row = Texture::flat("rgb32f".parse().unwrap(), 8, 1, &values[..24]).unwrap().0;
+    let all =
+        ["npy:f32", "exr:f32", "c:f32", "exr:f32", "rust:f32", "glsl:f32", "hlsl:f32", "wgsl:f32", "js:f32", "exr:f32"];
+    let of_volumes = ["dds:rg32f", "exr:f32", "ktx1:rg32f", "exr:f32", "ktx2:rg32f+zstd"];
+    let of_rows = ["dds:rgb32f", "exr:f32", "ktx1:rgb32f", "ktx2:rgb32f"];
+    for (start, ends) in [(&volume, &of_volumes[..]), (&row, &of_rows[..])] {
+        let mut bytes = ktx2::encode(start).unwrap();
+        for name in all.iter().chain(ends) {
+            let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert_eq!(report.max_error, 0.0, "{name}");
+            bytes = next;
+        }
+        let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+        assert_same_texels("round trip", start, &back);
+    }
+}
+
+/// Bare texels are read again by the layout beside them, of whichever packing.
+#[test]
+fn converted_bare_texels_are_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let flat = texture("flat", "rgb32f".parse().unwrap());
+    file(&folder, "flat.ktx2", &ktx2::encode(&flat).unwrap());
+    for format in ["rgba16f", "rgb9e5", "bc6h", "rgbm"] {
+        let (name, format) = (format!("{format}.raw"), format!("raw:{format}"));
+        succeed(folder.path(), &["convert", "flat.ktx2", &name, "--format", &format, "--clamp"]);
+        let said = succeed(folder.path(), &["info", &name]).stdout;
+        assert!(said.contains(&format!("{} × {}", flat.width, flat.height)), "{said}");
+        succeed(folder.path(), &["convert", &name, "back.exr"]);
+        succeed(folder.path(), &["compare", &name, "back.exr", "--tolerance", "0"]);
+    }
+}
+
+/// A texel that is filled up compares as what it was filled up from.
+#[test]
+fn channels_that_only_fill_up_a_texel_are_not_compared() {
+    let grids = |format: &str, values: &[f32]| {
+        let texture = Texture::flat(format.parse().unwrap(), 2, 1, values).unwrap().0;
+        kiln::format::grid::levels_of(&texture, "KTX2", &Described::default()).unwrap()
+    };
+    let two = grids("rg32f", &[1.0, 2.0, 3.0, 4.0]);
+    let same = |other: &[kiln::format::Grid]| {
+        compare(&two, other, Tolerance::Absolute(0.0)).map(|d| d.iter().all(|d| d.beyond == 0))
+    };
+    assert!(same(&grids("rgb32f", &[1.0, 2.0, 0.0, 3.0, 4.0, 0.0])).unwrap());
+    assert!(same(&grids("rgba32f", &[1.0, 2.0, 0.0, 1.0, 3.0, 4.0, 0.0, 1.0])).unwrap());
+    assert!(same(&grids("rgb32f", &[1.0, 2.0, 0.5, 3.0, 4.0, 0.0])).is_err());
 }
 
 #[test]

@@ -18,7 +18,8 @@ const SIGMAS: f64 = 5.0;
 fn small(name: &str, size: usize, integration: Settings) -> TableRecipe {
     let mut recipe = TableRecipe::named(name, FormatSpec::exr(Number::F32)).expect("a name");
     recipe.axes.iter_mut().for_each(|axis| axis.size = size);
-    recipe.integration = integration;
+    let tolerance = integration.tolerance.or(recipe.integration.tolerance);
+    recipe.integration = Settings { tolerance, ..integration };
     recipe
 }
 
@@ -105,11 +106,6 @@ fn at_most_one_half_float_in_ten_thousand_of_the_named_tables_stays_undecided() 
         let format = recipe.texel_format().expect("a format");
         let rounding = rounding::decide(&mut baked, format, &integration).expect("it was baked before");
         assert_eq!(rounding.certified + rounding.undecided, baked.values.len() as u64, "{}", table.name);
-        // Entries in parts of m22 grow like 1/alpha: what is known of the smallest follows from what is known of the largest.
-        if table.name == "ltc-matrix-m22" {
-            assert!(rounding.undecided <= 2, "{}: {} undecided", table.name, rounding.undecided);
-            continue;
-        }
         if rounding.undecided > 0 {
             found.push(format!("{} of {}", rounding.undecided, table.name));
         }

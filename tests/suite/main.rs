@@ -11,6 +11,7 @@ mod cli;
 mod containers;
 mod dielectric;
 mod diffuse;
+mod engine_quantities;
 mod engines;
 mod environment;
 mod every_table;

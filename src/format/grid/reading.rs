@@ -6,7 +6,7 @@ use crate::format::{Array, Image, Texture, embedded, literals};
 use crate::pack::{Number, TexelFormat};
 
 impl Grid {
-    pub(super) fn of_image(image: &Image, source: &str, format: TexelFormat) -> Result<Self> {
+    pub(crate) fn of_image(image: &Image, source: &str, format: TexelFormat) -> Result<Self> {
         let n = image.channels.len();
         let mut values: Vec<f64> = image.texels.iter().map(|&v| f64::from(v)).collect();
         let (mut names, mut size) = (image.channels.clone(), [image.width, image.height, 1]);

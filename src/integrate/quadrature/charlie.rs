@@ -17,19 +17,20 @@ use super::{Half, Rung, Sum, Trust, climb_with, halves};
 use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
 use crate::model::charlie::{Charlie, Visibility};
+use crate::model::fresnel::schlick_weight;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_6, PI, TAU};
 
-/// ∫ f cosθ_i dω_i of the sheen seen at cosine `mu`: its directional albedo.
+/// ∫ f cosθ_i dω_i of the sheen seen at cosine `mu`, its directional albedo, and the same with Schlick's weight (1 − wo·h)⁵.
 ///
 /// `mu` in (0, 1], or 0 with [`Visibility::Neubelt`]; the width in (0, 1].
-pub fn charlie_albedo(mu: f64, lobe: &Charlie, tolerance: f64) -> Estimate {
-    climb_with(TRUST, tolerance, |rung| Sum { values: [albedo_on(mu, lobe, rung)], defect: 0.0 })[0]
+pub fn charlie_split(mu: f64, lobe: &Charlie, tolerance: f64) -> [Estimate; 2] {
+    climb_with(TRUST, tolerance, |rung| Sum { values: split_on(mu, lobe, rung), defect: 0.0 })
 }
 
 /// 2 ∫ E(mu) mu dmu: the average albedo.
 pub fn charlie_albedo_average(lobe: &Charlie, tolerance: f64) -> Estimate {
     climb_with(TRUST, tolerance, |rung| {
-        let flux = |mu: f64| mu * albedo_on(mu, lobe, rung);
+        let flux = |mu: f64| mu * split_on(mu, lobe, rung)[0];
         let average = if lobe.visibility == Visibility::Neubelt {
             // E is smooth up to normal incidence, and has a logarithm of mu/√alpha, on whose scale it fades, at the horizon.
             2.0 * rung.doubled.at_scale(lobe.alpha.sqrt() * accuracy(rung, HORIZON)).integrate(flux)
@@ -66,7 +67,7 @@ const FAR: f64 = PI;
 /// What is left of D where it is cut off, in powers of e below the accuracy of the rung.
 const CUT: f64 = 5.0;
 
-fn albedo_on(mu: f64, lobe: &Charlie, rung: &Rung) -> f64 {
+fn split_on(mu: f64, lobe: &Charlie, rung: &Rung) -> [f64; 2] {
     let e_o = elevation(mu);
     let (sin_o, cos_o) = (mu, sine_of_cosine(mu));
     let n = 1.0 / lobe.alpha;
@@ -77,16 +78,17 @@ fn albedo_on(mu: f64, lobe: &Charlie, rung: &Rung) -> f64 {
     let highest = (-(-2.0 * cut / n).exp_m1()).sqrt(); // C
     let reach = (2.0 * highest.asin() - e_o).min(FRAC_PI_2);
     if reach <= 0.0 {
-        return 0.0;
+        return [0.0; 2];
     }
-    let mut sum = 0.0;
+    let mut sum = [0.0; 2];
     // d = e_i − e_o is passed beside e_i: one of the two is the node itself and therefore exact.
     let mut add = |e_i: f64, d: f64, weight: f64| {
         let (mu_i, cos_i) = e_i.sin_cos();
         let (sin_d, cos_d) = (0.5 * d).sin_cos();
         let c = sin_o * cos_d + cos_o * sin_d; // sin(e_o + d/2)
         let ring = Ring { n, c2: c * c, b: cos_o * cos_i, sin2: sin_d * sin_d, cos2: cos_d * cos_d };
-        sum += weight * lobe.visibility.times_cosine(lobe.alpha, mu, mu_i) * cos_i * ring.integral(rung, cut);
+        let weight = weight * lobe.visibility.times_cosine(lobe.alpha, mu, mu_i) * cos_i;
+        sum.iter_mut().zip(ring.integrals(rung, cut)).for_each(|(sum, integral)| *sum += weight * integral);
     };
     let fitted = lobe.visibility != Visibility::Neubelt;
     // Where the integrand has seams, and how near each must be resolved.
@@ -114,7 +116,7 @@ fn albedo_on(mu: f64, lobe: &Charlie, rung: &Rung) -> f64 {
             }
         }
     }
-    (2.0 + n) / TAU * sum
+    sum.map(|sum| (2.0 + n) / TAU * sum)
 }
 
 /// What the azimuth integral depends on, at one elevation of the incident direction.
@@ -133,33 +135,36 @@ struct Ring {
 const NARROW: f64 = 0.5;
 
 impl Ring {
-    /// ∫ sinⁿθ_h dψ over the full circle.
-    fn integral(&self, rung: &Rung, cut: f64) -> f64 {
+    /// ∫ sinⁿθ_h dψ over the full circle, and the same with Schlick's weight of wo·h, which is √(C² + by).
+    fn integrals(&self, rung: &Rung, cut: f64) -> [f64; 2] {
         let &Self { n, c2, b, sin2, cos2 } = self;
         let fading = c2 * cos2;
         // sinⁿθ_h where the denominator C² + by is this
         let power = |denominator: f64| {
             let cosine2 = fading / denominator;
             let ln = if cosine2 < 0.5 { (-cosine2).ln_1p() } else { (1.0 - cosine2).max(0.0).ln() };
-            (0.5 * n * ln).exp()
+            ((0.5 * n * ln).exp(), [schlick_weight(denominator.sqrt().min(1.0))]) // at most 1 but for rounding
         };
         // What is left above the cut at ψ = π, and the sin²((π − ψ)/2) where it is used up.
         let ln_most = (-c2.min(1.0)).ln_1p();
         let left = 2.0 * cut / n + ln_most;
         if left <= 0.0 {
-            return 0.0;
+            return [0.0; 2];
         }
         let faded = -(ln_most - left).exp_m1();
         let end2 = cos2 * (1.0 - c2 / faded) / b;
         if end2 < NARROW {
             let end = 2.0 * end2.max(0.0).sqrt().asin();
             let rule = rung.doubled.at_scale(2.0 / (0.5 * n * left).sqrt());
-            return 2.0 * end * rule.integrate(|x| power(cos2 - b * (0.5 * end * x).sin().powi(2)));
+            // C² + b is cos²δ: at ψ = π the half-vector lies in the plane of incidence.
+            let (plain, [weighted]) = rule.moments(|x| power(cos2 - b * (0.5 * end * x).sin().powi(2)));
+            return [plain, weighted].map(|v| 2.0 * end * v);
         }
         // In y: the branch point, the scale below which its order hides it, and where D fades.
         let order = c2 / b * (-2.0 * rung.rules.digits() / (n + 1.0)).exp();
         let nearest = (c2 * sin2 / b).max(order).max(1.0 - end2).min(1.0);
         let scale = 2.0 * nearest.sqrt().asinh() / PI;
-        TAU * rung.doubled_circle.at_scale(scale).integrate(|y| power(c2 + b * y))
+        let (plain, [weighted]) = rung.doubled_circle.at_scale(scale).moments(|y| power(c2 + b * y));
+        [plain, weighted].map(|v| TAU * v)
     }
 }

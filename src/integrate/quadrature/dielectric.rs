@@ -36,10 +36,10 @@ fn with_sum([up, down]: [f64; 2]) -> [f64; 3] {
 
 /// What the difference of two rungs is multiplied with to be a bound: more than elsewhere, since the singularities beyond the
 /// horizons lie on the real axis, where a graded rule converges more slowly than its name says.
-const TRUST: Trust = Trust { safety: 20.0, lead: 4.0 };
+pub(super) const TRUST: Trust = Trust { safety: 20.0, lead: 4.0 };
 /// Rounding of an angle near π/2, in parts of what the factor of safety makes of it: at grazing angles the integrals vary over
 /// angles of the size of mu and alpha.
-const ANGLE: f64 = 0.25 * f64::EPSILON;
+pub(super) const ANGLE: f64 = 0.25 * f64::EPSILON;
 /// How near its branch point, of second order or nearly, the Beta function must be resolved where it is at the horizon itself: in
 /// cosines within a cone …
 const BRANCH: f64 = 1e-5;
@@ -50,11 +50,11 @@ const SEAM: f64 = 1e-6;
 const FLATTEST: f64 = 1e-7;
 
 /// Further than any y.
-const FAR: f64 = 10.0;
+pub(super) const FAR: f64 = 10.0;
 
 /// What a cone of facets needs to know of itself.
-struct Cone {
-    cos: f64,
+pub(super) struct Cone {
+    pub(super) cos: f64,
     sin: f64,
     /// Of d = β − θ_o, exact near the peak.
     sin_d: f64,
@@ -64,13 +64,24 @@ struct Cone {
     /// B = sinθ_o sinβ.
     b: f64,
     /// The cosine of the angle of refraction.
-    cos_t: f64,
+    pub(super) cos_t: f64,
+}
+
+impl Cone {
+    fn transmittance(&self, eta: f64) -> f64 {
+        transmittance(self.cos, self.cos_t, eta)
+    }
+
+    /// 1 − cosβ.
+    pub(super) fn below_one(&self) -> f64 {
+        self.sin * self.sin / (1.0 + self.cos)
+    }
 }
 
 fn scattering_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 2] {
-    let (e_o, eta, facets) = (elevation(mu), interface.eta, &interface.facets);
+    let (eta, facets) = (interface.eta, &interface.facets);
     let (alpha, smith) = (facets.alpha_x, facets.smith);
-    let view = View { mu, l: facets.l(direction_with_cosine(mu)), theta_o: FRAC_PI_2 - e_o, interface, rung };
+    let view = View::new(mu, interface, rung);
     let up = if eta == 1.0 {
         0.0
     } else if eta > 1.0 {
@@ -78,31 +89,56 @@ fn scattering_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 2] {
         reflection_on(mu, alpha, smith, rung, |cosine| [reflectance_outside(cosine, eta)]).values[0]
     } else {
         // What total reflection returns is all but what it does not.
-        let highest = 0.5 * e_o + view.theta_o;
-        let lost = view.over_cones(&[0.5 * e_o, highest], eta.asin().min(highest), |cone| view.lost(cone));
-        albedo_on(mu, alpha, smith, &rung.rules).values[0] - lost
+        albedo_on(mu, alpha, smith, &rung.rules).values[0] - view.reflected(|cone| cone.transmittance(eta))
     };
-    // Where the refracted ray of the facets towards the surface grazes it from below: β_t − β = π/2 − θ_o.
-    let grazes = if eta < 1.0 { e_o.sin().atan2(1.0 / eta - e_o.cos()) } else { e_o };
-    let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
-    // What refracts from along the surface, on the denser side, is bent up from it; Beta lets nothing through where Λ is infinite.
-    if mu == 0.0 && (eta < 1.0 || smith == Smith::Beta) {
-        return [up, 0.0];
-    }
-    let down = view.over_cones(&[e_o, grazes], critical, |cone| view.transmitted(cone));
-    [up, down]
+    [up, view.transmitted(|cone| cone.transmittance(eta))]
 }
 
 /// The direction wo and what it looks at.
-struct View<'a> {
+pub(super) struct View<'a> {
     mu: f64,
     l: f64,
+    e_o: f64,
     theta_o: f64,
     interface: &'a Dielectric,
     rung: &'a Rung,
+    /// How near β = 0 must be resolved, where what is integrated has a seam of its own.
+    at_axis: f64,
+    /// Below this β there is nothing to integrate, and at it what is integrated begins.
+    start: f64,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    pub(super) fn new(mu: f64, interface: &'a Dielectric, rung: &'a Rung) -> Self {
+        let (l, e_o) = (interface.facets.l(direction_with_cosine(mu)), elevation(mu));
+        Self { mu, l, e_o, theta_o: FRAC_PI_2 - e_o, interface, rung, at_axis: FAR, start: 0.0 }
+    }
+
+    /// The same for a weight that vanishes below the angle `start`, and at β = 0 must be resolved to `at_axis`.
+    pub(super) fn with_seams(self, start: f64, at_axis: f64) -> Self {
+        Self { start, at_axis, ..self }
+    }
+
+    /// ∫ weight D G2/(4 μo) dω_i of what is reflected, as far as light refracts.
+    pub(super) fn reflected(&self, weight: impl Fn(&Cone) -> f64) -> f64 {
+        let highest = 0.5 * self.e_o + self.theta_o;
+        let critical = self.interface.eta.min(1.0).asin();
+        self.over_cones(&[0.5 * self.e_o, highest], critical.min(highest), |cone| weight(cone) * self.mirrored(cone))
+    }
+
+    /// ∫ weight f_t μt dω_t without Fresnel factor, of what goes through.
+    pub(super) fn transmitted(&self, weight: impl Fn(&Cone) -> f64) -> f64 {
+        let (e_o, eta) = (self.e_o, self.interface.eta);
+        // What refracts from along the surface, on the denser side, is bent up from it; Beta lets nothing through where Λ is infinite.
+        if self.mu == 0.0 && (eta < 1.0 || self.interface.facets.smith == Smith::Beta) {
+            return 0.0;
+        }
+        // Where the refracted ray of the facets towards the surface grazes it from below: β_t − β = π/2 − θ_o.
+        let grazes = if eta < 1.0 { e_o.sin().atan2(1.0 / eta - e_o.cos()) } else { e_o };
+        let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
+        self.over_cones(&[e_o, grazes], critical, |cone| weight(cone) * self.through(cone))
+    }
+
     fn alpha(&self) -> f64 {
         self.interface.facets.alpha_x
     }
@@ -121,6 +157,9 @@ impl View<'_> {
     fn over_cones(&self, seams: &[f64], end: f64, f: impl Fn(&Cone) -> f64) -> f64 {
         let mut ends = vec![(0.0, false), (self.theta_o, false), (end, true)];
         ends.extend(seams.iter().map(|s| (*s, true)));
+        if self.start > 0.0 {
+            ends.push((self.start, false));
+        }
         ends.retain(|e| e.0 <= end);
         ends.sort_by(|a, b| a.0.total_cmp(&b.0));
         ends.dedup_by(|b, a| {
@@ -140,9 +179,12 @@ impl View<'_> {
         let smallest = if self.interface.facets.smith == Smith::Beta { SEAM } else { 0.0 };
         let mut sum = 0.0;
         for (i, panel) in ends.windows(2).enumerate() {
+            if panel[1].0 <= self.start {
+                continue;
+            }
             let half = 0.5 * (panel[1].0 - panel[0].0);
             // Below β = 0 everything is mirrored.
-            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { panel[1].0 };
+            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { panel[1].0.min(self.at_axis) };
             let after = ends.get(i + 2).map_or(pole, |e| e.0 - panel[1].0);
             for ((from, root), sign, beyond) in [(panel[0], 1.0, before), (panel[1], -1.0, after)] {
                 let near = width.hypot(from - self.theta_o).min(beyond).min(0.5 * self.margin()) / half;
@@ -167,6 +209,9 @@ impl View<'_> {
     /// cosβ_t, so far `before` the critical angle; nothing beyond it.
     fn refracted(&self, cos: f64, beta: f64, before: f64) -> Option<f64> {
         let eta = self.interface.eta;
+        if eta == f64::INFINITY {
+            return Some(1.0); // the limit: along the facet's normal
+        }
         if eta >= 1.0 {
             return refracted_cosine(cos, eta);
         }
@@ -176,21 +221,20 @@ impl View<'_> {
         (less >= 0.0).then(|| (less * (2.0 * eta - less)).sqrt() / eta)
     }
 
-    /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, of light that would be reflected: what total reflection has and this has not.
-    fn lost(&self, cone: &Cone) -> f64 {
+    /// ∫ D (wo·h) G2/μo dχ sinβ over the cone, of light that is reflected.
+    fn mirrored(&self, cone: &Cone) -> f64 {
         // cos(β + d)
         let highest = cone.cos * cone.cos_d - cone.sin * cone.sin_d;
         let slope = 4.0 * cone.b * cone.cos;
         let facets = &self.interface.facets;
-        transmittance(cone.cos, cone.cos_t, self.interface.eta)
-            * self.over_azimuth(cone, (0.0, FAR), (highest / slope, self.margin() / slope), |y| {
-                let mu_i = (highest - slope * y).max(0.0); // below 0 by rounding only
-                (4.0 * mu_i * facets.smith.visibility(self.alpha(), (self.mu, self.l), (mu_i, self.l_of(mu_i))), 1.0)
-            })
+        self.over_azimuth(cone, (0.0, FAR), (highest / slope, self.margin() / slope), |y| {
+            let mu_i = (highest - slope * y).max(0.0); // below 0 by rounding only
+            (4.0 * mu_i * facets.smith.visibility(self.alpha(), (self.mu, self.l), (mu_i, self.l_of(mu_i))), 1.0)
+        })
     }
 
-    /// ∫ (1 − F) D (wo·h) G2/μo dχ sinβ over the cone, of light that goes through.
-    fn transmitted(&self, cone: &Cone) -> f64 {
+    /// ∫ D (wo·h) G2/μo dχ sinβ over the cone, of light that goes through.
+    fn through(&self, cone: &Cone) -> f64 {
         let eta = self.interface.eta;
         let cos_t = cone.cos_t;
         let k = cone.cos / eta - cos_t;
@@ -209,7 +253,7 @@ impl View<'_> {
         };
         let cosine = |y: f64| (first + slope * y).clamp(0.0, 1.0); // outside by rounding only
         let (mu, l) = (self.mu, self.l);
-        let through = match smith {
+        match smith {
             // The limit, up to the horizon: there both cosines are 0.
             Smith::Correlated if mu == 0.0 => self.over_azimuth(cone, start, end, |_| (2.0, l)),
             Smith::Correlated => self.over_azimuth(cone, start, end, |y| {
@@ -224,8 +268,7 @@ impl View<'_> {
                 let mu_t = cosine(y);
                 (other.through((mu, l), (mu_t, self.l_of(mu_t))).unwrap_or(0.0), 1.0)
             }),
-        };
-        transmittance(cone.cos, cos_t, eta) * through
+        }
     }
 
     fn l_of(&self, mu: f64) -> f64 {

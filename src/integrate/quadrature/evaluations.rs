@@ -41,7 +41,7 @@ fn sheen_takes_boundedly_many_evaluations_at_grazing_angles_and_for_upright_fibr
     for visibility in Visibility::ALL {
         let count = |mu: f64, alpha: f64| {
             during(|| {
-                charlie_albedo(mu, &Charlie { alpha, visibility }, TOLERANCE);
+                charlie_split(mu, &Charlie { alpha, visibility }, TOLERANCE);
             })
         };
         let there = places().filter(|(mu, _)| *mu > 0.0 || visibility == Visibility::Neubelt);

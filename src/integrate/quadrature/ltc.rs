@@ -66,7 +66,7 @@ struct Panels<'a> {
     at_the_end: bool,
 }
 
-/// The least distance of a pole that is resolved: what is nearer to the horizon covers less than its square.
+/// The least distance of a pole that is resolved, in parts of alpha: what is nearer to the horizon covers less than its square of the lobe.
 const NEAREST: f64 = 1e-7;
 /// Panels shorter than this are left out.
 const SLIVER: f64 = 1e-13;
@@ -79,7 +79,7 @@ impl<'a> Panels<'a> {
         let peak = -sine.atan2(mu);
         let width = alpha.atanh().min(PI); // no pole is left at α = 1
         let [ridge, ridge_width] = ltc.ridge();
-        let below = width.min(elevation(mu)).min(smith.pole_below_horizon(alpha, mu)).max(NEAREST);
+        let below = width.min(elevation(mu)).min(smith.pole_below_horizon(alpha, mu)).max(NEAREST * width.min(1.0));
         let features = [
             [peak, 2.0 * width],
             [ridge, ridge_width],

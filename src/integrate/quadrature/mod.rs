@@ -6,14 +6,16 @@ mod dielectric;
 mod dielectric_average;
 #[cfg(test)]
 mod evaluations;
+mod facet_weight;
 mod ggx;
 mod ltc;
 mod ltc_fit;
 
 pub use beckmann::{beckmann_albedo_average, beckmann_reflection};
-pub use charlie::{charlie_albedo, charlie_albedo_average};
+pub use charlie::{charlie_albedo_average, charlie_split};
 pub use dielectric::dielectric_scattering;
 pub use dielectric_average::dielectric_scattering_average;
+pub use facet_weight::{ggx_dielectric_weight, ggx_power_weight, schlick_scattering};
 pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection, ggx_split};
 pub(crate) use ltc_fit::solve;
 pub use ltc_fit::{LtcDistance, LtcFit, ltc_distance, ltc_fit, ltc_fit_quickly};

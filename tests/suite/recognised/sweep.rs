@@ -52,8 +52,23 @@ impl Kind {
             // Another reflectance, the same albedo.
             Self { found: kd(Kd::Albedo), ..Self::of("layered-albedo", kd(Kd::Reciprocal)) },
         ];
-        // One number everywhere is nothing to recognise, and fits are everybody's own.
-        let unknown = ["lambert-albedo", "ltc-matrix", "ltc-matrix-m22", "ltc-amplitude", "clipped-sphere"];
+        // One number everywhere is nothing to recognise, and fits are everybody's own; of the last six there is no master.
+        let unknown = [
+            "lambert-albedo",
+            "ltc-matrix",
+            "ltc-matrix-m22",
+            "ltc-matrix-m00",
+            "ltc-lobe",
+            "ltc-lobe-amplitude",
+            "ltc-amplitude",
+            "clipped-sphere",
+            "cloth-split",
+            "generalized-schlick",
+            "generalized-schlick-dielectric",
+            "schlick-dielectric",
+            "schlick-transmittance",
+            "schlick-dielectric-inside",
+        ];
         let named = TABLES.iter().filter(|table| !unknown.contains(&table.name));
         named.map(|table| Self::of(table.name, Model::default())).chain(others).collect()
     }

@@ -7,6 +7,7 @@ pub mod bilinear;
 pub mod browser;
 pub mod directions;
 pub mod f32_error;
+pub mod hlsl;
 pub mod kiln;
 pub mod memory;
 pub mod room;
