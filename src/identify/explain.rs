@@ -1,8 +1,8 @@
 //! From hypotheses to words: what a person searches for, and the command that bakes the table as it should be.
 
 use super::hypothesis::{Data, Hypothesis};
+use super::judge::Ranked;
 use super::ramp::{Place, Ramp};
-use super::rank::Ranked;
 use super::{Confidence, Identification, claimed};
 use crate::claim::{Claim, Curve, Encoding, model_words};
 use crate::error::Result;

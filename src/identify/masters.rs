@@ -15,6 +15,7 @@ use crate::model::layered::Kd;
 use crate::table::quantity::{self, Handle, evaluate_family};
 use crate::table::{Axis, Model, Parameter, Point, Quantity};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::{Arc, Mutex};
 
 /// What one master holds.
@@ -63,8 +64,8 @@ impl Definition {
 pub struct Master {
     /// What it holds.
     pub definition: Definition,
-    /// The values, quantity fastest, then the parameters in order.
-    pub values: Vec<f64>,
+    /// Each quantity at every node, the first parameter fastest.
+    planes: Vec<Vec<f64>>,
 }
 
 /// What values of a master may be off by.
@@ -192,7 +193,7 @@ pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
                     values
                 }
             };
-            let master = Arc::new(Master { definition, values });
+            let master = Arc::new(Master::new(definition, &values));
             if let Ok(mut loaded) = LOADED.lock() {
                 loaded.push((key, Arc::clone(&master)));
             }
@@ -201,7 +202,8 @@ pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
         .collect()
 }
 
-fn integrate(definition: &Definition) -> Result<Vec<f64>> {
+/// The values at every node, the first parameter fastest, all quantities of a node together.
+pub(super) fn integrate(definition: &Definition) -> Result<Vec<f64>> {
     let family = definition.handle.family;
     let slow = ["dielectric.albedo_avg", "compensation.none"].contains(&definition.handle.quantity.name);
     let settings = if family.has_quadrature() {
@@ -298,22 +300,28 @@ pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f6
 }
 
 impl Master {
+    /// Of values at every node, the first parameter fastest, all quantities of a node together.
+    pub(super) fn new(definition: Definition, values: &[f64]) -> Self {
+        let n_quantities = definition.quantities().len();
+        let plane = |q| values.chunks_exact(n_quantities).map(|node| node[q]).collect();
+        Self { planes: (0..n_quantities).map(plane).collect(), definition }
+    }
+
     /// Quantity `q` at every node, the first parameter fastest.
-    pub fn plane(&self, q: usize) -> Vec<f64> {
-        let n_quantities = self.definition.quantities().len();
-        self.values.chunks_exact(n_quantities).map(|node| node[q]).collect()
+    pub fn plane(&self, q: usize) -> &[f64] {
+        &self.planes[q]
     }
 
     /// Quantity `q` at every texel of a grid that is the product of the taps along each parameter, the first fastest.
     pub fn grid(&self, q: usize, taps: &[Vec<Taps>]) -> Vec<f64> {
         // One parameter after the other, from the last: each shrinks the grid to what is asked for.
-        let mut values = self.plane(q);
+        let mut values = Cow::Borrowed(self.plane(q));
         let mut sizes: Vec<usize> = self.definition.nodes.iter().map(|a| a.size).collect();
         for dimension in (0..sizes.len()).rev() {
-            values = along(&values, &sizes, dimension, &taps[dimension]);
+            values = along(&values, &sizes, dimension, &taps[dimension]).into();
             sizes[dimension] = taps[dimension].len();
         }
-        values
+        values.into_owned()
     }
 }
 
