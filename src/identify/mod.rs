@@ -11,6 +11,7 @@
 //! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible* when a tenth is left, whatever else may be. Otherwise it is
 //! unknown.
 
+mod apart;
 mod cache;
 mod explain;
 mod fit;
@@ -25,6 +26,7 @@ mod simple;
 mod span;
 
 pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
+pub use judge::Noise;
 
 use crate::claim::{Claim, ClaimedChannel};
 use crate::error::{Error, Result};
@@ -225,7 +227,7 @@ fn identified(readings: &[Reading], options: &Options, judge: &Judge) -> Result<
         let rest = admitted.split_off(channels.len().min(admitted.len()));
         let mut ranked = rank(channels, std::mem::replace(&mut admitted, rest), n_axes, options, judge)?;
         share_axes(&mut ranked, channels, options, judge);
-        found.push(Identification { packing: *packing, ..explain::explain(grid, varying, channels, ranked)? });
+        found.push(Identification { packing: *packing, ..explain::explain(grid, varying, channels, ranked, judge)? });
     }
     Ok(found)
 }

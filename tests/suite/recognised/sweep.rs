@@ -52,16 +52,18 @@ impl Kind {
             // Another reflectance, the same albedo.
             Self { found: kd(Kd::Albedo), ..Self::of("layered-albedo", kd(Kd::Reciprocal)) },
         ];
-        // One number everywhere is nothing to recognise, and fits are everybody's own.
-        let unknown = ["lambert-albedo", "ltc-matrix", "ltc-matrix-m22", "ltc-amplitude", "clipped-sphere"];
-        let named = TABLES.iter().filter(|table| !unknown.contains(&table.name));
+        // One number everywhere is nothing to recognise; and of channels over other axes than their neighbours, other tests tell.
+        let left_out = ["lambert-albedo", "ltc-amplitude"];
+        let named = TABLES.iter().filter(|table| !left_out.contains(&table.name));
         named.map(|table| Self::of(table.name, Model::default())).chain(others).collect()
     }
 
     /// Whether a value takes milliseconds: tables of many texels then take minutes.
     fn is_dear(&self) -> bool {
+        let fits = self.table.name.starts_with("ltc");
         ["dielectric", "dielectric-inside", "dielectric-albedo", "dielectric-avg", "compensation", "layered-albedo"]
             .contains(&self.table.name)
+            || fits
             || self.is_random()
     }
 
@@ -70,9 +72,11 @@ impl Kind {
         self.table.name == "ggx-albedo-anisotropic"
     }
 
-    /// Whether values exceed 1.
+    /// Whether values exceed 1, or are below 0.
     fn is_bright(&self) -> bool {
-        self.table.name.starts_with("charlie") || self.table.name == "compensation"
+        self.table.name.starts_with("charlie")
+            || self.table.name == "compensation"
+            || self.table.name.starts_with("ltc")
     }
 }
 
@@ -191,8 +195,9 @@ impl Written {
             Self::Coded(_) => n <= 3,
             _ => true,
         };
-        // What is compensated exceeds what these have.
-        let beyond = kind.table.name == "compensation" && matches!(self, Self::Coded(_));
+        // What is compensated exceeds what these have, and they have no minus.
+        let beyond =
+            (kind.table.name == "compensation" || kind.table.name.starts_with("ltc")) && matches!(self, Self::Coded(_));
         fits && !beyond && !(within_one && kind.is_bright())
     }
 
