@@ -4,7 +4,7 @@
 //! differ by less than that look alike. Over all texels they do not: along the line from one to the other the table is at one place, known the
 //! better the more texels there are. With what is left r and the difference d, that is t = Σ r d/Σ d² of the way. Its standard deviation
 //! makes no assumption of how large the noise is where, nor that neighbours are independent: texels are put together in blocks, which are
-//! taken to be (the estimator of Liang and Zeger 1986 for data in clusters). What is below is derived here.
+//! taken to be, and the squares of the blocks' own sums are what the whole sum varies by. Derived here.
 
 /// Blocks along each dimension of a table of one, two and three.
 const BLOCKS: [usize; 3] = [16, 8, 4];

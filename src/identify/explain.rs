@@ -108,23 +108,25 @@ pub(super) fn explain(
     let mut channels = vec![];
     let (mut claim, mut as_it_is) = (Claim::default(), Claim::default());
     let mut surest: Option<(f64, Hypothesis)> = None;
-    // The best explanation of a channel that is certain by itself: the other channels are of the same table.
-    let mut certain: Option<(f64, &Ranked)> = None;
+    // The best explanation of a channel that is certain by itself, or else likely: the other channels are of the same table.
+    let mut surest_alone: Option<(Confidence, f64, &Ranked)> = None;
     for (&c, (data, ranked)) in varying.iter().zip(data.iter().zip(&ranked)) {
-        if found(grid, c, data, ranked, None, judge)?.confidence == Confidence::Certain {
+        let confidence = found(grid, c, data, ranked, None, judge)?.confidence;
+        if confidence >= Confidence::Likely {
             let left = ranked[0].trimmed / data.spread;
-            if certain.is_none_or(|(least, _)| left < least) {
-                certain = Some((left, &ranked[0]));
+            let is_surer = |&(sure, least, _): &(Confidence, f64, &Ranked)| (confidence, -left) > (sure, -least);
+            if surest_alone.as_ref().is_none_or(is_surer) {
+                surest_alone = Some((confidence, left, &ranked[0]));
             }
         }
     }
-    let certain = certain.map(|(_, best)| best);
+    let sure = surest_alone.map(|(confidence, _, best)| (confidence, best));
     for c in 0..grid.channels.len() {
         let Some(i) = varying.iter().position(|&v| v == c) else {
             channels.push(constant(grid, c));
             continue;
         };
-        let finding = found(grid, c, &data[i], &ranked[i], certain, judge)?;
+        let finding = found(grid, c, &data[i], &ranked[i], sure, judge)?;
         if finding.confidence > Confidence::Unknown
             && let Some(best) = ranked[i].first()
         {
@@ -186,7 +188,7 @@ fn constant(grid: &Grid, c: usize) -> ChannelFinding {
     }
 }
 
-/// What channel `c` holds, given an explanation of another that is certain.
+/// What channel `c` holds, given an explanation of another that is certain or likely.
 ///
 /// **Errors**: those of the integrator.
 fn found(
@@ -194,7 +196,7 @@ fn found(
     c: usize,
     data: &Data,
     ranked: &[Ranked],
-    certain: Option<&Ranked>,
+    sure: Option<(Confidence, &Ranked)>,
     judge: &Judge,
 ) -> Result<ChannelFinding> {
     let unknown = ChannelFinding {
@@ -220,6 +222,7 @@ fn found(
     let (same, others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
     // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
     // over other axes, cropped and stretched as they had to be, is no rival.
+    let certain = sure.filter(|(confidence, _)| *confidence == Confidence::Certain).map(|(_, other)| other);
     let known = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best));
     let (rivals, ruled_out): (Vec<&Ranked>, Vec<&Ranked>) = others
         .into_iter()
@@ -260,7 +263,13 @@ fn found(
         });
     }
     let encoding = best.hypothesis.encoding;
-    let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
+    // What had to be fitted to another channel is none of this one's numbers.
+    let is_shared =
+        sure.is_some_and(|(_, other)| !std::ptr::eq(other, best) && other.hypothesis.ramps == best.hypothesis.ramps);
+    let fitted = match is_shared {
+        true => 0,
+        false => best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count(),
+    };
     let curved = encoding.curve != Curve::Plain;
     // The more is free, the less a middling fit says.
     let most = match (is_named(&encoding), fitted) {
@@ -454,11 +463,13 @@ fn commands(claim: &Claim, grid: &Grid, suffix: &str) -> Vec<String> {
         .enumerate()
         .map(|(i, (spec, channels))| {
             let names: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
+            // Tables whose axes stand for one parameter each.
+            let of_one = || TABLES.iter().filter(|t| !t.axes.iter().any(|axis| axis.contains(":+")));
             let named = TABLES
                 .iter()
                 .find(|t| t.channels == names)
-                .or_else(|| TABLES.iter().find(|t| names.iter().all(|n| t.channels.contains(n))))
-                .or_else(|| TABLES.iter().find(|t| t.channels.contains(&names[0])));
+                .or_else(|| of_one().find(|t| names.iter().all(|n| t.channels.contains(n))))
+                .or_else(|| of_one().find(|t| t.channels.contains(&names[0])));
             let name = named.map_or("dfg", |t| t.name);
             let mut command = format!("kiln table {name}");
             if named.is_none_or(|t| t.channels != names) {

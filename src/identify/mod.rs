@@ -8,8 +8,11 @@
 //!
 //! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
 //! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
-//! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible* when a tenth is left, whatever else may be. Otherwise it is
-//! unknown.
+//! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible*
+//! when a tenth is left, whatever else may be. Otherwise it is unknown.
+//!
+//! Tables that were sampled are noisy: where what is left has no pattern, all texels together tell explanations apart that leave about as
+//! much ([`Noise`]). One is *likely*, too, when any other is five standard deviations away, and the table three times as near to the best.
 
 mod apart;
 mod cache;

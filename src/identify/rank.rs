@@ -69,9 +69,18 @@ pub fn rank(
             let choice = fit::fine(&data.sizes);
             if n_axes == 3 && exact[c].is_empty() {
                 // Of volumes not all places and warps were tried.
-                let near: Vec<(Hypothesis, f64)> =
+                let mut near: Vec<(Hypothesis, f64)> =
                     hypotheses.par_iter().map(|h| simple::nearest(h, data, &choice)).collect();
                 exact[c] = exact_among(near.clone(), data, judge)?;
+                // One dimension after the other may lead astray: of the nearest all are tried together.
+                near.sort_by(|a, b| a.1.total_cmp(&b.1));
+                for i in 0..TRIED_EVERYWHERE.min(near.len()) {
+                    if exact[c].is_empty() && near[i].0.relative(data) <= NEARLY_GOOD {
+                        let tried = simple::everywhere(&near[i].0, data);
+                        exact[c] = exact_among(tried.clone(), data, judge)?;
+                        near.extend(tried.into_iter().take(SECOND));
+                    }
+                }
                 let beside =
                     exact[c].iter().flat_map(|found| simple::beside(&found.hypothesis, data, &choice)).collect();
                 exact[c].extend(exact_among(beside, data, judge)?);
@@ -226,6 +235,8 @@ fn put_best_first(ranked: &mut [Ranked], data: &Data) {
     }
 }
 
+/// Hypotheses of a volume's channel of which all ramps are tried, if none is exact.
+const TRIED_EVERYWHERE: usize = 2;
 /// Hypotheses of a channel that are judged by quadrature, and how many where they cost about the same.
 const SECOND: usize = 3;
 const MOST: usize = 10;

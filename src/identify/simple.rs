@@ -116,7 +116,7 @@ pub fn simple(admitted: Vec<Hypothesis>, data: &Data) -> Vec<(Hypothesis, f64)> 
     found
 }
 
-/// Every arrangement of one quantity's axes, which are one or two, that a channel's texels admit; the usual first.
+/// Every arrangement of one quantity's axes that a channel's texels admit; the usual first.
 fn try_all(
     master: &Arc<Master>,
     varies: &[usize],
@@ -147,7 +147,10 @@ fn try_all(
         .collect();
     let mut found = within_bounds(&lookups, master.plane(quantity), &sizes, &between, slack);
     // The usual ramps and encodings come first in their lists.
-    found.sort_unstable_by_key(|admitted| (admitted.chosen[1], admitted.chosen[0], admitted.between, admitted.known));
+    found.sort_unstable_by_key(|admitted| {
+        let [first, second, third] = admitted.chosen;
+        (third, second, first, admitted.between, admitted.known)
+    });
     let mut kept = vec![[0; 2]; channels.len()];
     found.retain(|admitted| {
         let Between { channel, curve, .. } = between[admitted.between];
@@ -176,14 +179,14 @@ fn try_all(
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Admitted {
     /// The ramp of each parameter.
-    chosen: [usize; 2],
+    chosen: [usize; 3],
     /// Which channel and curve.
     between: usize,
     /// Which factor and offset.
     known: usize,
 }
 
-/// Every combination of what may be looked up along one or two parameters that is within bounds.
+/// Every combination of what may be looked up along one to three parameters that is within bounds.
 fn within_bounds(
     lookups: &[Vec<Vec<Taps>>],
     plane: &[f64],
@@ -194,24 +197,42 @@ fn within_bounds(
     let orders: Vec<Vec<usize>> = lookups.iter().map(|lookups| alike(lookups)).collect();
     let sorted =
         |p: usize, order: &[usize]| -> Vec<Vec<Taps>> { order.iter().map(|&i| lookups[p][i].clone()).collect() };
-    let mut some = vec![sorted(0, &orders[0])];
-    let mut found = vec![];
-    for second in orders.get(1).map_or(&[0][..], |order| order).chunks(TOGETHER) {
-        some.truncate(1);
-        some.extend((lookups.len() > 1).then(|| sorted(1, second)));
-        let mut values = vec![];
-        each_prediction(&some, plane, sizes, &mut |_, predicted| values.extend_from_slice(predicted));
-        let predictions = Predictions::new([orders[0].len(), second.len()], values);
-        for (i, between) in between.iter().enumerate() {
-            for (known, &encoding) in KNOWN.iter().enumerate() {
-                predictions.admitted(&between.with(encoding, slack), &mut |[a, b]| {
-                    found.push(Admitted { chosen: [orders[0][a], second[b]], between: i, known });
-                });
+    let all_or_one = |p: usize| orders.get(p).map_or(&[0][..], |order| order);
+    let of_third = |&third: &usize| -> Vec<Admitted> {
+        let mut some = vec![sorted(0, &orders[0])];
+        let mut found = vec![];
+        for second in all_or_one(1).chunks(TOGETHER) {
+            some.truncate(1);
+            some.extend((lookups.len() > 1).then(|| sorted(1, second)));
+            some.extend((lookups.len() > 2).then(|| sorted(2, &[third])));
+            let mut values = vec![];
+            each_prediction(&some, plane, sizes, &mut |_, predicted| values.extend_from_slice(predicted));
+            let predictions = Predictions::new([orders[0].len(), second.len()], values);
+            for (i, between) in between.iter().enumerate() {
+                for (known, &encoding) in KNOWN.iter().enumerate() {
+                    predictions.admitted(&between.with(encoding, slack), &mut |[a, b]| {
+                        found.push(Admitted { chosen: [orders[0][a], second[b], third], between: i, known });
+                    });
+                }
             }
         }
-    }
-    found
+        found
+    };
+    all_or_one(2).par_iter().flat_map_iter(of_third).collect()
 }
+
+/// Explanations of a volume that are the same as `start` but for its ramps, of which all are tried, and its encoding; the nearest first.
+pub fn everywhere(start: &Hypothesis, data: &Data) -> Vec<(Hypothesis, f64)> {
+    let coarse = choice(&data.sizes, COARSE[data.sizes.len() - 1]);
+    let found = try_all(&start.master, &start.varies, start.quantity, std::slice::from_ref(data), &coarse, &USUAL);
+    let mut nearest = simple(found.into_iter().map(|(_, hypothesis)| hypothesis).collect(), data);
+    nearest.sort_by(|a, b| a.1.total_cmp(&b.1));
+    nearest.truncate(NEAREST);
+    nearest
+}
+
+/// Explanations of a volume that are judged of all that were tried.
+const NEAREST: usize = 48;
 
 /// The simple explanation that is nearest to one of a volume: along one dimension after the other the ramp that fits best, until none fits
 /// better.
@@ -291,7 +312,7 @@ mod tests {
                             !(**low - slack <= stored && stored <= **high + slack)
                         });
                     if outside.count() <= between.may_miss {
-                        let chosen = [chosen[0], chosen.get(1).copied().unwrap_or(0)];
+                        let chosen = [0, 1, 2].map(|p| chosen.get(p).copied().unwrap_or(0));
                         found.push(Admitted { chosen, between: i, known });
                     }
                 }
@@ -304,7 +325,8 @@ mod tests {
     fn refuting_many_at_once_admits_what_a_look_at_each_does() {
         let one = master("ggx.albedo_avg", &["roughness:33:log+0.08:edge"]);
         let two = master("ggx.scale", &["mu:17:log+0.01:edge", "roughness:13:log+0.08:edge"]);
-        for (master, sizes, every) in [(one, vec![16], 1), (two, vec![12, 9], 5)] {
+        let three = master("fresnel.f82", &["mu:9:edge", "f0:4:edge", "f82:4:edge"]);
+        for (master, sizes, every) in [(one, vec![16], 1), (two, vec![12, 9], 5), (three, vec![6, 5, 4], 17)] {
             let nodes = &master.definition.nodes;
             let n_nodes: Vec<usize> = nodes.iter().map(|axis| axis.size).collect();
             let texels = choice(&sizes, COARSE[sizes.len() - 1]);
@@ -349,7 +371,7 @@ mod tests {
                 })
                 .collect();
             let found = |mut all: Vec<Admitted>| {
-                all.sort_unstable_by_key(|a| (a.chosen[1], a.chosen[0], a.between, a.known));
+                all.sort_unstable_by_key(|a| (a.chosen[2], a.chosen[1], a.chosen[0], a.between, a.known));
                 all
             };
             let pruned = found(within_bounds(&lookups, master.plane(0), &n_nodes, &between, 2e-4));
