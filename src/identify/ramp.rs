@@ -181,7 +181,8 @@ impl Ramp {
             None if self.shift().is_some() => axis,
             None => {
                 let ends = [self.first - 0.5 * self.step, self.first + self.step * (self.size as f64 - 0.5)];
-                let digits = if self.cut_from_larger() == Some(*self) { 1e9 } else { 1e5 };
+                let is_cut = self.warp == Warp::Linear && self.cut_from_larger() == Some(*self);
+                let digits = if is_cut { 1e9 } else { 1e5 };
                 let tidy = |v: f64| if v.is_finite() { (v * digits).round() / digits } else { v };
                 let [a, b] = ends.map(|part| tidy(self.at(part)));
                 if a == b { axis } else { Axis { range: range(a.min(b), a.max(b)), ..axis } }
