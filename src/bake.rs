@@ -46,18 +46,17 @@ impl Baked {
 
 /// Writes files below `folder`, all or none.
 fn write<'a>(files: impl IntoIterator<Item = &'a (PathBuf, Vec<u8>)>, folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut staged = Staged::default();
-    let mut paths = vec![];
-    for (path, bytes) in files {
-        let path = folder.join(path);
+    let files: Vec<(PathBuf, &[u8])> =
+        files.into_iter().map(|(path, bytes)| (folder.join(path), bytes.as_slice())).collect();
+    for (path, _) in &files {
         if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
             std::fs::create_dir_all(parent).map_err(|e| Error::writing(parent, e))?;
         }
-        staged.add(&path, bytes)?;
-        paths.push(path);
     }
+    let mut staged = Staged::default();
+    staged.add_all(&files)?;
     staged.commit()?;
-    Ok(paths)
+    Ok(files.into_iter().map(|(path, _)| path).collect())
 }
 
 /// A bake that does not pass its own checks is not written.

@@ -215,20 +215,21 @@ pub fn environment(recipe: &EnvironmentRecipe, source: &Source, progress: Progre
     let fit_nonnegative = judge_nine(&harmonics.irradiance_over_pi_nonnegative);
     let engine = EngineSh::new(recipe, &harmonics);
     let mut cubes = vec![Packed::new(SPECULAR, recipe.specular_name(), recipe.format, recipe.size)];
-    for (m, level) in specular.iter().enumerate() {
-        cubes[0].push(format!("specular {m}"), level, recipe)?;
-    }
+    let of_level = |(m, level)| Piece::new(recipe.format, format!("specular {m}"), level, recipe);
+    let pieces = specular.par_iter().enumerate().map(of_level).collect::<Result<Vec<_>>>()?;
+    pieces.into_iter().for_each(|piece| cubes[0].push(piece));
     if recipe.layout == SphereLayout::Atlas {
         let sizes = smaller_mirrors(recipe).map(|tile| tile.size);
         let smaller = mirrors(panorama, &chain_spec(recipe, 0), sizes, progress)?;
         for (tile, mirror) in smaller_mirrors(recipe).zip(&smaller) {
-            cubes[0].push(tile.name(), mirror, recipe)?;
+            cubes[0].push(Piece::new(recipe.format, tile.name(), mirror, recipe)?);
         }
-        cubes[0].push(IRRADIANCE.to_owned(), &irradiance, recipe)?;
+        cubes[0].push(Piece::new(recipe.format, IRRADIANCE.to_owned(), &irradiance, recipe)?);
     }
     if let Some(name) = recipe.irradiance_name() {
-        let mut cube = Packed::new(IRRADIANCE, name, recipe.format_of_irradiance(), recipe.irradiance_size);
-        cube.push(IRRADIANCE.to_owned(), &irradiance, recipe)?;
+        let format = recipe.format_of_irradiance();
+        let mut cube = Packed::new(IRRADIANCE, name, format, recipe.irradiance_size);
+        cube.push(Piece::new(format, IRRADIANCE.to_owned(), &irradiance, recipe)?);
         cubes.push(cube);
     }
     let mut checks = vec![];
@@ -303,46 +304,14 @@ impl Packed {
         Self { content, name, format, size, levels, reports, lookups, bytes, packing }
     }
 
-    /// Packs the next level.
-    fn push(&mut self, name: String, (map, found): &MapLevel, recipe: &EnvironmentRecipe) -> Result<()> {
-        let format = map_texel(self.format, map.layout)?;
-        let n = format.channels();
-        let ([width, height], _) = map.layout.shape(map.size);
-        // Picture by picture, on all threads.
-        let pictures: Vec<_> = map
-            .texels
-            .par_chunks(width * height)
-            .map(|picture| {
-                let rgba: Vec<f32> = picture.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0].into_iter().take(n)).collect();
-                let (bytes, packed) = format.pack(width, height, &rgba);
-                let seen = format.unpack(width, height, &bytes);
-                let texels: Vec<[f32; 3]> = seen.chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
-                (bytes, texels, packed)
-            })
-            .collect();
-        let (mut bytes, mut texels) = (vec![], Vec::with_capacity(map.texels.len()));
-        for (of_picture, seen, packed) in pictures {
-            bytes.extend(of_picture);
-            texels.extend(seen);
-            self.packing = self.packing.merge(packed);
-        }
-        let stored = SphereMap { texels, ..*map };
-        let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
-        self.bytes.push(bytes);
-        self.reports.push(found.clone());
-        self.levels.push(CubeLevel {
-            kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
-            view: recipe.view.filter(|_| name != IRRADIANCE),
-            name,
-            size: map.size,
-            roughness: found.roughness,
-            texels: stored.texels,
-            fitted: lookup.clone().filter(|_| is_fitted(found)),
-            max_error: found.max_error,
-            rms_error: found.rms_error,
-        });
+    /// Takes the next level.
+    fn push(&mut self, piece: Piece) {
+        let Piece { level, report, lookup, bytes, packing } = piece;
+        self.packing = self.packing.merge(packing);
+        self.levels.push(level);
+        self.reports.push(report);
         self.lookups.push(lookup);
-        Ok(())
+        self.bytes.push(bytes);
     }
 
     /// What the certificate says of the levels.
@@ -373,6 +342,61 @@ impl Packed {
         let ([width, height], faces) = layout.shape(self.size);
         let empty = Texture { faces, ..Texture::empty(format, width, height) };
         format::encode(self.format, &Texture { levels: self.bytes, metadata, primaries, ..empty })
+    }
+}
+
+/// A level, packed.
+struct Piece {
+    level: CubeLevel,
+    report: LevelReport,
+    lookup: Option<CubeLookup>,
+    bytes: Vec<u8>,
+    packing: PackReport,
+}
+
+impl Piece {
+    fn new(format: FormatSpec, name: String, (map, found): &MapLevel, recipe: &EnvironmentRecipe) -> Result<Self> {
+        let format = map_texel(format, map.layout)?;
+        let n = format.channels();
+        let ([width, height], _) = map.layout.shape(map.size);
+        // Picture by picture, on all threads.
+        let pictures: Vec<_> = map
+            .texels
+            .par_chunks(width * height)
+            .map(|picture| {
+                let (bytes, packed) = match n {
+                    3 => format.pack(width, height, picture.as_flattened()),
+                    _ => {
+                        let opaque: Vec<[f32; 4]> = picture.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();
+                        format.pack(width, height, opaque.as_flattened())
+                    }
+                };
+                let seen = format.unpack(width, height, &bytes);
+                let texels: Vec<[f32; 3]> = seen.chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
+                (bytes, texels, packed)
+            })
+            .collect();
+        let (mut bytes, mut texels) = (vec![], Vec::with_capacity(map.texels.len()));
+        let mut packing = PackReport::default();
+        for (of_picture, seen, packed) in pictures {
+            bytes.extend(of_picture);
+            texels.extend(seen);
+            packing = packing.merge(packed);
+        }
+        let stored = SphereMap { texels, ..*map };
+        let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
+        let level = CubeLevel {
+            kernel: if name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel },
+            view: recipe.view.filter(|_| name != IRRADIANCE),
+            name,
+            size: map.size,
+            roughness: found.roughness,
+            texels: stored.texels,
+            fitted: lookup.clone().filter(|_| is_fitted(found)),
+            max_error: found.max_error,
+            rms_error: found.rms_error,
+        };
+        Ok(Self { level, report: found.clone(), lookup, bytes, packing })
     }
 }
 

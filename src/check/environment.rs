@@ -136,12 +136,11 @@ impl EnvironmentValues<'_> {
     ) -> Vec<Check> {
         let constant = panorama.min().map(f64::from);
         let is_constant = panorama.texels().iter().all(|t| t.map(f64::from) == constant);
-        let mut checks = vec![];
-        for (index, level) in self.levels.iter().enumerate() {
+        // All levels at once: some are many cheap texels, others a few dear ones.
+        let of_level = |(index, level): (usize, &CubeLevel)| -> Vec<Check> {
             if is_constant {
                 let deviations = self.compare(level, panorama, all(level), |_| constant, true);
-                checks.extend(self.worst("distance from the constant input", level, deviations));
-                continue;
+                return self.worst("distance from the constant input", level, deviations).into_iter().collect();
             }
             let alpha = alpha_of_roughness(level.roughness);
             if alpha == 0.0 {
@@ -150,25 +149,23 @@ impl EnvironmentValues<'_> {
                     || SphereMap::area_average(panorama, self.layout, level.size, &self.orientation).map(Cow::Owned),
                     |average| Ok(Cow::Borrowed(average)),
                 );
-                let Ok(average) = average else { continue }; // recipes are checked: no panorama is turned so
+                let Ok(average) = average else { return vec![] }; // recipes are checked: no panorama is turned so
                 let truth = |texel: usize| average.texels[texel].map(f64::from);
                 let deviations = self.compare(level, panorama, all(level), truth, false);
-                checks.extend(self.worst("exact area average at every texel", level, deviations));
-                continue;
+                return self.worst("exact area average at every texel", level, deviations).into_iter().collect();
             }
+            let seed = seed.wrapping_add(index as u64);
             if let Some(view) = level.view {
-                checks.extend(self.against_view(level, view, panorama, sum, seed.wrapping_add(index as u64)));
-                continue;
+                return self.against_view(level, view, panorama, sum, seed).into_iter().collect();
             }
+            let mut checks = vec![];
             if alpha * level.size as f64 >= resolved(self.layout) && !self.is_clamped(level) {
                 checks.push(mean_check(&self.map(level), level, panorama, self.mean_packing(level)));
             }
-            sum.prepare();
             let kernel = Kernel::of(level.kernel, alpha);
-            let seed = seed.wrapping_add(index as u64);
             if let Some(claimed) = &level.fitted {
                 checks.push(self.lookup_check(level, panorama, sum, &kernel, claimed, seed));
-                continue;
+                return checks;
             }
             let (texels, name) = match spread {
                 Spread::All => (all(level), "full sum at every texel".to_owned()),
@@ -181,8 +178,13 @@ impl EnvironmentValues<'_> {
             };
             let truth = |texel: usize| sum.evaluate(self.world(level, texel), &kernel);
             checks.extend(self.worst(&name, level, self.compare(level, panorama, texels, truth, false)));
+            checks
+        };
+        let is_summed = |level: &CubeLevel| !is_constant && alpha_of_roughness(level.roughness) > 0.0;
+        if self.levels.iter().any(is_summed) {
+            sum.prepare();
         }
-        checks
+        self.levels.par_iter().enumerate().with_max_len(1).flat_map_iter(of_level).collect()
     }
 
     /// Texels spread over the sphere and in the corners of the faces, and those where filters fail: towards the brightest texel, beside it, on

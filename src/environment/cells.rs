@@ -145,7 +145,7 @@ impl Cells {
             && last.bands.len() > 1
             && 2.0 * (last.bands[0].theta[1] - last.bands[0].theta[0]) <= RATIO
         {
-            let next = last.doubled(on);
+            let next = last.doubled(instructions, on);
             levels.push(next);
         }
         Some(Self { levels })
@@ -375,7 +375,7 @@ impl Level {
     }
 
     /// Cells of twice the size.
-    fn doubled(&self, on: Threads) -> Self {
+    fn doubled(&self, instructions: InstructionSet, on: Threads) -> Self {
         let points = chebyshev();
         let n = self.middles.len();
         let edges: Vec<f64> =
@@ -394,29 +394,44 @@ impl Level {
                 return band;
             }
             band.weights = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; (edges.len() - 1) * NODES]));
-            for part in parts.iter().filter(|part| part.occupied) {
-                let down = values(theta, part.theta);
-                for (weights, down) in part.weights.iter().zip(&down) {
-                    for c in 0..3 {
-                        let mut line = vec![[0.0; NODES]; edges.len() - 1];
-                        for (k, (nodes, across)) in weights[c].as_chunks::<NODES>().0.iter().zip(&across).enumerate() {
-                            for (weight, across) in nodes.iter().zip(across) {
-                                for j in 0..NODES {
-                                    line[k / 2][j] += weight * across[j];
+            let downs: Vec<_> = parts.iter().map(|part| values(theta, part.theta)).collect();
+            instructions.run(
+                #[inline(always)]
+                || {
+                    let mut line = vec![[0.0; NODES]; edges.len() - 1];
+                    for (part, down) in parts.iter().zip(&downs).filter(|(part, _)| part.occupied) {
+                        for (weights, down) in part.weights.iter().zip(down) {
+                            for c in 0..3 {
+                                join_across(weights[c].as_chunks::<NODES>().0, &across, &mut line);
+                                for (to, down) in band.weights.iter_mut().zip(down) {
+                                    for (to, value) in to[c].iter_mut().zip(line.as_flattened()) {
+                                        *to += down * value;
+                                    }
                                 }
                             }
                         }
-                        for (to, down) in band.weights.iter_mut().zip(down) {
-                            to[c].iter_mut().zip(line.as_flattened()).for_each(|(to, value)| *to += down * value);
-                        }
                     }
-                }
-            }
+                },
+            );
             band
         };
         let bands =
             on.map(self.bands.len().div_ceil(2), |b| join(&self.bands[2 * b..(2 * b + 2).min(self.bands.len())]));
         Self::new(2 * self.side, bands, edges)
+    }
+}
+
+/// The weights of large cells along a row of nodes, from those of the small ones: each pair of these makes one.
+#[inline(always)]
+fn join_across(weights: &[[f64; NODES]], across: &[[[f64; NODES]; NODES]], line: &mut [[f64; NODES]]) {
+    for ((to, pair), across) in line.iter_mut().zip(weights.chunks(2)).zip(across.chunks(2)) {
+        let mut sums = [0.0; NODES];
+        for (weight, across) in pair.as_flattened().iter().zip(across.as_flattened()) {
+            for j in 0..NODES {
+                sums[j] += weight * across[j];
+            }
+        }
+        *to = sums;
     }
 }
 

@@ -52,7 +52,7 @@ struct Peeled {
 impl Peel {
     /// The outliers of a panorama, and the panorama without them: never darker than the block around it.
     pub(super) fn new(panorama: &Panorama) -> (Self, Panorama) {
-        let peel = Self::take(panorama, LEAST, 0.0, MOST);
+        let peel = Self::take(panorama, &Brightest::new(panorama), LEAST, 0.0, MOST);
         let mut rest = panorama.texels().to_vec();
         peel.remainders().for_each(|(index, texel)| rest[index] = texel);
         let rest = panorama.with_texels(rest);
@@ -60,12 +60,12 @@ impl Peel {
     }
 
     /// At most `most` outliers that each hold at least this part of the panorama's light (all channels together).
-    pub(super) fn strongest(panorama: &Panorama, least_share: f64, most: usize) -> Self {
-        Self::take(panorama, 0.0, least_share, most)
+    pub(super) fn strongest(panorama: &Panorama, brightest: &Brightest, least_share: f64, most: usize) -> Self {
+        Self::take(panorama, brightest, 0.0, least_share, most)
     }
 
     /// Outliers of more than `least` of their block's flux and at least `least_share` of the panorama's.
-    fn take(panorama: &Panorama, least: f64, least_share: f64, most: usize) -> Self {
+    fn take(panorama: &Panorama, brightest: &Brightest, least: f64, least_share: f64, most: usize) -> Self {
         let (width, height) = (panorama.width(), panorama.height());
         let mean = panorama.mean().iter().sum::<f64>();
         let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
@@ -75,17 +75,10 @@ impl Peel {
             let solid_angles: Vec<f64> = rows.clone().map(|row| panorama.solid_angle(row)).collect();
             let widest = solid_angles.iter().copied().fold(0.0, f64::max);
             let mut candidates: Vec<(f64, usize, [f32; 3])> = vec![];
-            for left in (0..width).step_by(BLOCK) {
+            for (left, brightest) in (0..width).step_by(BLOCK).zip(brightest.of_rows(block)) {
                 let columns = left..(left + BLOCK).min(width);
                 let places = || rows.clone().flat_map(|r| columns.clone().map(move |c| r * width + c));
                 // Nothing here may be an outlier even against the darkest texel.
-                let mut brightest = f64::NEG_INFINITY;
-                for row in rows.clone() {
-                    for texel in &panorama.row(row)[columns.clone()] {
-                        let sum = f64::from(texel[0]) + f64::from(texel[1]) + f64::from(texel[2]);
-                        brightest = if sum > brightest { sum } else { brightest };
-                    }
-                }
                 let most_excess = brightest - darkest;
                 if most_excess * widest < least_share * 4.0 * PI * mean.abs() {
                     continue;
@@ -180,6 +173,66 @@ impl Peel {
             }
         }
         sum
+    }
+}
+
+/// For each block the sum of its channels' maxima: none of its texels has more in its three channels together.
+#[derive(Debug)]
+pub(super) struct Brightest {
+    across: usize,
+    blocks: Vec<f64>,
+}
+
+impl Brightest {
+    pub fn new(panorama: &Panorama) -> Self {
+        let n = Self::n_rows(panorama.height());
+        let of_rows = |i: usize| Self::in_rows(Self::rows(i, panorama.height()).map(|row| panorama.row(row)));
+        Self::from_rows((0..n).into_par_iter().map(of_rows).collect())
+    }
+
+    /// From those of each row of blocks, one after the other.
+    pub fn from_rows(rows: Vec<Vec<f64>>) -> Self {
+        Self { across: rows.first().map_or(0, Vec::len), blocks: rows.concat() }
+    }
+
+    /// How many rows of blocks there are.
+    pub fn n_rows(height: usize) -> usize {
+        height.div_ceil(BLOCK)
+    }
+
+    /// The rows of the panorama that a row of blocks holds.
+    pub fn rows(block: usize, height: usize) -> std::ops::Range<usize> {
+        block * BLOCK..((block + 1) * BLOCK).min(height)
+    }
+
+    /// Those of one row of blocks.
+    #[inline(always)]
+    pub fn in_rows<'a>(rows: impl Iterator<Item = &'a [[f32; 3]]>) -> Vec<f64> {
+        /// Texels at a time, so that maxima are vectors.
+        const TOGETHER: usize = 8;
+        let mut most: Vec<[[f32; 3]; TOGETHER]> = vec![];
+        let compare = |most: &mut [f32; 3], texel: &[f32; 3]| {
+            for (most, &value) in most.iter_mut().zip(texel) {
+                *most = if value > *most { value } else { *most };
+            }
+        };
+        for row in rows {
+            most.resize(row.len().div_ceil(BLOCK), [[f32::NEG_INFINITY; 3]; TOGETHER]);
+            for (texels, most) in row.chunks(BLOCK).zip(&mut most) {
+                let (whole, rest) = texels.as_chunks::<TOGETHER>();
+                for texels in whole {
+                    (0..TOGETHER).for_each(|i| compare(&mut most[i], &texels[i]));
+                }
+                rest.iter().for_each(|texel| compare(&mut most[0], texel));
+            }
+        }
+        let of_channel =
+            |most: &[[f32; 3]; TOGETHER], c: usize| most.iter().fold(f32::NEG_INFINITY, |a, t| a.max(t[c]));
+        most.iter().map(|most| (0..3).map(|c| f64::from(of_channel(most, c))).sum()).collect()
+    }
+
+    fn of_rows(&self, block: usize) -> impl Iterator<Item = f64> + '_ {
+        self.blocks[block * self.across..(block + 1) * self.across].iter().copied()
     }
 }
 

@@ -3,6 +3,7 @@
 //! Content goes to a temporary file in the same folder, is flushed to the disk, and takes the final name at the very end.
 
 use crate::error::{Error, Result};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, Write};
@@ -30,13 +31,19 @@ impl Staged {
     ///
     /// **Errors**: as [`write()`].
     pub fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
-        let file = (|| {
-            let target = resolve(path)?;
-            let permissions = existing_permissions(&target)?;
-            let temporary = write_beside(&target, bytes, permissions)?;
-            Ok((temporary, target))
-        })();
-        self.files.push(file.map_err(|source| Error::writing(path, source))?);
+        self.files.push(staged(path, bytes)?);
+        Ok(())
+    }
+
+    /// The same of several files, which wait for the disk together.
+    ///
+    /// **Errors**: as [`write()`], of the first that is refused.
+    pub fn add_all<B: AsRef<[u8]> + Sync>(&mut self, files: &[(PathBuf, B)]) -> Result<()> {
+        let each: Vec<Result<(TempPath, PathBuf)>> =
+            files.par_iter().with_max_len(1).map(|(path, bytes)| staged(path, bytes.as_ref())).collect();
+        for file in each {
+            self.files.push(file?);
+        }
         Ok(())
     }
 
@@ -62,6 +69,17 @@ impl Staged {
         folders.iter().for_each(|folder| sync_folder(folder));
         Ok(())
     }
+}
+
+/// A temporary file that holds `bytes` and is to be called `path`, and where that leads.
+fn staged(path: &Path, bytes: &[u8]) -> Result<(TempPath, PathBuf)> {
+    let file = || {
+        let target = resolve(path)?;
+        let permissions = existing_permissions(&target)?;
+        let temporary = write_beside(&target, bytes, permissions)?;
+        Ok((temporary, target))
+    };
+    file().map_err(|source| Error::writing(path, source))
 }
 
 /// Where `path` leads: a link stays a link, and the file behind it is replaced.

@@ -41,10 +41,11 @@ pub fn decode(bytes: &[u8]) -> Result<Image> {
     let mut pixels = Bytes { rest: pixels };
     let (scanline, n_scanlines) = (header.size[1], header.size[0]);
     // Grown row by row: a header that promises too much fails at the end of the data, not in the allocator.
-    let mut rows: Vec<[f32; 3]> = Vec::new();
+    // (What each byte of flat pixels would hold is reserved.)
+    let mut rows: Vec<[f32; 3]> = Vec::with_capacity((scanline * n_scanlines).min(pixels.rest.len()));
     let mut row = vec![[0_u8; 4]; scanline];
-    // 2^(e − 136) of every exponent; 0 is black.
-    let units: [f64; 256] = std::array::from_fn(|e| if e == 0 { 0.0 } else { 2_f64.powi(e as i32 - 136) });
+    // 2^(e − 136) of every exponent; 0 is black. (All of them, and 255 times as much, are f32.)
+    let units: [f32; 256] = std::array::from_fn(|e| if e == 0 { 0.0 } else { 2_f64.powi(e as i32 - 136) as f32 });
     for y in 0..n_scanlines {
         read_scanline(&mut pixels, &mut row).map_err(|problem| {
             Error::invalid(
@@ -52,14 +53,22 @@ pub fn decode(bytes: &[u8]) -> Result<Image> {
                 "the file is damaged; copy or download it again",
             )
         })?;
-        rows.extend(row.iter().map(|&rgbe| radiance(rgbe, &units, header.exposure)));
+        match header.exposure {
+            [1.0, 1.0, 1.0] => rows.extend(row.iter().map(|&rgbe| unexposed(rgbe, &units))),
+            exposure => rows.extend(row.iter().map(|&rgbe| radiance(rgbe, &units, exposure))),
+        }
     }
     Ok(header.upright(rows))
 }
 
+/// The radiance of a pixel of a picture that was never exposed: exact.
+fn unexposed([r, g, b, e]: [u8; 4], units: &[f32; 256]) -> [f32; 3] {
+    [r, g, b].map(|mantissa| f32::from(mantissa) * units[usize::from(e)])
+}
+
 /// The radiance of a pixel; beyond the range of f32 (only ever by a tiny exposure) it is infinite.
-fn radiance([r, g, b, e]: [u8; 4], units: &[f64; 256], exposure: [f64; 3]) -> [f32; 3] {
-    let unit = units[usize::from(e)];
+fn radiance([r, g, b, e]: [u8; 4], units: &[f32; 256], exposure: [f64; 3]) -> [f32; 3] {
+    let unit = f64::from(units[usize::from(e)]);
     let channel = |mantissa: u8, exposure: f64| (f64::from(mantissa) * unit / exposure) as f32;
     [channel(r, exposure[0]), channel(g, exposure[1]), channel(b, exposure[2])]
 }

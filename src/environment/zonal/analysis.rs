@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::fft::{Complex, Fft, separate};
 use super::lanes::{InstructionSet, LANES, V, ZERO, mul_add, scale, total};
 use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
-use super::nodes::Nodes;
+use super::nodes::{Nodes, Scratch};
 use crate::math::quadrature::Rule;
 
 /// Real and imaginary parts of three channels: re r, g, b, im r, g, b.
@@ -60,8 +60,17 @@ struct Block {
 /// The coefficients up to a degree.
 pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions: InstructionSet) -> Coefficients {
     let [width, height] = map.shape();
-    let fft = Fft::new(width);
-    let factors = column_factors(width, degree);
+    // What nodes gathered, they have integrated over φ too.
+    let gathered = match rows {
+        Rows::Nodes(nodes) => nodes.n_columns(),
+        Rows::Points(_) => None,
+    };
+    let columns = gathered.unwrap_or(width);
+    let fft = Fft::new(columns);
+    let factors = match gathered {
+        Some(_) => vec![(TAU / width as f64, 0.0); degree + 1],
+        None => column_factors(width, degree),
+    };
     let pairs = height.div_ceil(2);
     let block = |lines: &mut Lines, index: usize| -> Option<Block> {
         let (points, largest_sin) = match rows {
@@ -79,7 +88,7 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions
                 }
                 instructions.run(
                     #[inline(always)]
-                    || nodes.gather(map, index, &mut lines.channels),
+                    || nodes.gather(map, index, &mut lines.scratch, &mut lines.channels),
                 );
                 let [cos, sin] = nodes.angles(index);
                 (vec![(Places::new(cos, sin, degree), [1.0; LANES])], sin.into_iter().fold(0.0, f64::max))
@@ -95,7 +104,7 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions
         Rows::Points(_) => pairs.div_ceil(LANES),
         Rows::Nodes(nodes) => nodes.n_blocks(),
     };
-    let blocks: Vec<Block> = (0..n_blocks).into_par_iter().map_init(|| Lines::new(width), block).flatten().collect();
+    let blocks: Vec<Block> = (0..n_blocks).into_par_iter().map_init(|| Lines::new(columns), block).flatten().collect();
     let norms = sectoral_norms(degree);
     let orders = (0..degree + 1)
         .into_par_iter()
@@ -154,15 +163,20 @@ fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Plac
     (places, largest_sin)
 }
 
-/// Sums and differences of eight rows and their mirror images, in three channels, and room for a transform.
+/// Sums and differences of eight rows and their mirror images, in three channels, and room for a transform and for gathering.
 struct Lines {
     channels: [Vec<Complex>; 3],
     spare: Vec<Complex>,
+    scratch: Scratch,
 }
 
 impl Lines {
     fn new(width: usize) -> Self {
-        Self { channels: [(); 3].map(|()| vec![Complex::ZERO; width]), spare: vec![Complex::ZERO; width] }
+        Self {
+            channels: [(); 3].map(|()| vec![Complex::ZERO; width]),
+            spare: vec![Complex::ZERO; width],
+            scratch: Scratch::new(),
+        }
     }
 
     /// Up to eight rows with their mirror images: north + south, and north − south.
@@ -187,7 +201,7 @@ impl Lines {
 }
 
 #[inline(always)]
-fn spectrum(fft: &Fft, factors: &[(f64, f64)], Lines { channels, spare }: &mut Lines) -> Vec<[V; 2 * PARTS]> {
+fn spectrum(fft: &Fft, factors: &[(f64, f64)], Lines { channels, spare, .. }: &mut Lines) -> Vec<[V; 2 * PARTS]> {
     let width = spare.len();
     let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
     for (channel, x) in channels.iter_mut().enumerate() {

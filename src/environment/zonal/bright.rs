@@ -6,7 +6,8 @@
 //! not to be enough, the exact one.
 //!
 //! Of fine panoramas a sun is many texels. Seen from far enough they are one light, with a mean direction and second moments of its own in
-//! each channel: what is left out is of third order, 20 (extent/distance)³ of a GGX tail's value times the light's skewness.
+//! each channel: what is left out is of third order, 20 (extent/distance)³ of a GGX tail's value times the light's skewness, and 4.4
+//! (extent/distance)⁴ of an even disc.
 
 use std::f64::consts::{PI, TAU};
 
@@ -21,8 +22,10 @@ use crate::math::quadrature::gauss_legendre;
 
 /// Nearer than this many extents to the kernel's singularities, a texel is integrated exactly: 16⁻⁴/16 is 1e-6.
 const NEAR: f64 = 16.0;
-/// Farther than this many times the extent of some neighbours, they are one light: 20 · 64⁻³ is 8e-5, and a sun is not skewed.
-const FAR: f64 = 64.0;
+/// Farther than so many times the extent of some neighbours, they are one light: what the third order leaves is [`SKEWED`] at most, what the
+/// fourth leaves 4e-6.
+const FAR: f64 = 32.0;
+const SKEWED: f64 = 5e-6;
 /// Texels no farther from their middle than this, in radians, may be one light, if they are at least so many.
 const NEIGHBOURS: f64 = 0.006;
 const LEAST_NEIGHBOURS: usize = 5;
@@ -60,6 +63,8 @@ struct Light {
     middle: DVec3,
     /// No point of a texel is farther from a channel's mean direction, or from `middle`.
     extent: f64,
+    /// From how many extents away they are one.
+    far: f64,
     channels: [Moments; 3],
 }
 
@@ -88,6 +93,18 @@ impl Moments {
             }
         }
         Self { flux, mean, second }
+    }
+
+    /// The size of the third moments about the mean, in parts of extent³: no direction has a larger one.
+    fn skewness(&self, texels: &[&Texel], channel: usize, extent: f64) -> f64 {
+        let mut third = [0.0; 27];
+        for texel in texels {
+            let away = ((texel.middle - self.mean) / extent).to_array();
+            for (i, sum) in third.iter_mut().enumerate() {
+                *sum += texel.flux[channel] / self.flux * away[i / 9] * away[i / 3 % 3] * away[i % 3];
+            }
+        }
+        third.iter().map(|v| v * v).sum::<f64>().sqrt()
     }
 }
 
@@ -124,7 +141,10 @@ fn lights(texels: &[Texel], reach: f64) -> (Vec<Light>, Vec<usize>) {
         let centres: Vec<DVec3> = centres.chain([texel.middle]).collect();
         let away = of.iter().flat_map(|texel| centres.iter().map(|centre| centre.distance(texel.middle)));
         let extent = away.fold(0.0, f64::max) + reach;
-        lights.push(Light { members, middle: texel.middle, extent, channels });
+        let is_lit = |c: &usize| channels[*c].flux > 0.0;
+        let skewness = (0..3).filter(is_lit).map(|c| channels[c].skewness(&of, c, extent)).fold(0.0, f64::max);
+        let far = libm::cbrt(20.0 * skewness / SKEWED).max(FAR);
+        lights.push(Light { members, middle: texel.middle, extent, far, channels });
     }
     (lights, alone)
 }
@@ -172,7 +192,7 @@ impl Bright {
             return;
         }
         let near = kernel.rough_parts(NEAR * self.extent, self.reach);
-        let of_light = |light: &Light| kernel.rough_parts(FAR * light.extent, light.extent);
+        let of_light = |light: &Light| kernel.rough_parts(light.far * light.extent, light.extent);
         let near_lights: Vec<[f64; 2]> = self.lights.iter().map(of_light).collect();
         let mut listed = Vec::with_capacity(self.texels.len());
         for (axes, sums) in axes.chunks(LANES).zip(sums.chunks_mut(LANES)) {
@@ -336,6 +356,7 @@ fn second_moments(theta: f64, dtheta: f64) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::environment::KernelKind;
+    use crate::environment::peel::Brightest;
 
     /// A lopsided sun of 20 texels, whose channels are not alike, against the exact integral over each of its texels: near, far and across
     /// horizons.
@@ -349,7 +370,7 @@ mod tests {
             texels[row * width + column] = [1e4 + 500.0 * i, if i < 12.0 { 1e5 } else { 2e4 }, 1e3 * (1.0 + i * i)];
         }
         let panorama = Panorama::new(width, height, texels).unwrap();
-        let bright = Bright::new(Peel::strongest(&panorama, 1e-5, 64), &panorama);
+        let bright = Bright::new(Peel::strongest(&panorama, &Brightest::new(&panorama), 1e-5, 64), &panorama);
         assert!(bright.lights.len() == 1 && bright.alone.is_empty(), "{} lights", bright.lights.len());
         let exact = FullSum::new(&panorama);
         let sun = panorama.texel_box(702, 302).middle();
@@ -375,13 +396,14 @@ mod tests {
                         (0..3).for_each(|c| wanted[c] += weight * radiance[c]);
                     }
                     let light = &bright.lights[0];
-                    let [near, belt] = kernel.rough_parts(FAR * light.extent, light.extent);
+                    let [near, belt] = kernel.rough_parts(light.far * light.extent, light.extent);
                     let c = axis.dot(light.middle);
                     n_far += usize::from(c <= near && c.abs() >= belt);
                     for c in 0..3 {
                         let off = (got[0][c] - wanted[c]).abs();
                         // (Where a flat texel crosses the horizon, some 1e-6 of the kernel's norm is left out.)
-                        let tolerance = 2e-6 * wanted[c] + 1e-6 * kernel.horizon()[0] * light.channels[c].flux;
+                        let tolerance =
+                            (SKEWED + 4e-6) * wanted[c] + 1e-6 * kernel.horizon()[0] * light.channels[c].flux;
                         assert!(
                             off <= tolerance,
                             "{:?} {}, {angle} away, channel {c}: {off:e} > {tolerance:e} of {}",

@@ -15,7 +15,9 @@ mod lanes;
 mod legendre;
 mod nodes;
 mod plan;
+mod sides;
 mod split;
+mod survey;
 mod synthesis;
 
 use std::borrow::Cow;
@@ -36,8 +38,10 @@ use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
 use nodes::Nodes;
 use plan::{Plan, cells, darkest, is_wide, row_rule, usual_degree};
+use sides::{BAND, SIDES, fill_band};
 use split::Places;
-use synthesis::{FaceAngles, Rings, angles};
+use survey::{Survey, moments};
+use synthesis::{PoleAngles, Rings, angles};
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
 const MOST_PEELED: [usize; 2] = [1024, 64];
@@ -109,7 +113,8 @@ impl<'a> Zonal<'a> {
         kernels: &[Kernel],
         instructions: InstructionSet,
     ) -> Self {
-        let cells = cells(panorama);
+        let survey = Survey::new(panorama, instructions);
+        let cells = cells(panorama, &survey);
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         let of_kernel = |kernel: &Kernel| {
             let darkest = darkest(panorama, &cells, kernel, instructions);
@@ -119,7 +124,7 @@ impl<'a> Zonal<'a> {
         for plan in all.into_iter().flatten() {
             plans[usize::from(!is_wide(&plan.kernel) || plan.split.is_some())].push(plan);
         }
-        let parts = parts(panorama, plans, instructions);
+        let parts = parts(panorama, &survey, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
         Self { panorama, exact, instructions, parts, range, last: Mutex::new(None) }
     }
@@ -162,7 +167,7 @@ impl Function<'_> {
 
     #[inline(always)]
     fn fill_by(&self, directions: &[DVec3], angles: &impl Fn(usize) -> [f64; 2], values: &mut [[f64; 3]]) {
-        let Some((part, plan, rings)) = &self.rings else {
+        let Some((_, _, rings)) = &self.rings else {
             for (value, &direction) in values.iter_mut().zip(directions) {
                 *value = self.zonal.exact.evaluate(direction, &self.kernel);
             }
@@ -171,6 +176,13 @@ impl Function<'_> {
         for (i, value) in values.iter_mut().enumerate() {
             *value = rings.at(angles(i));
         }
+        self.finish(directions, values);
+    }
+
+    /// Adds what rings do not hold.
+    #[inline(always)]
+    fn finish(&self, directions: &[DVec3], values: &mut [[f64; 3]]) {
+        let Some((part, plan, _)) = &self.rings else { return };
         part.bright.add(directions, &self.kernel, &self.zonal.exact, values);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
@@ -199,25 +211,67 @@ impl Function<'_> {
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
     pub fn cube(&self, size: usize, finished: &(dyn Fn(u64) + Sync)) -> Cube {
         let mut texels = vec![[0.0; 3]; 6 * size * size];
-        let angles = FaceAngles::new(size);
-        if self.rings.is_none() {
-            self.zonal.exact.prepare();
+        match &self.rings {
+            Some((_, _, rings)) => self.fill_faces(rings, size, &mut texels, finished),
+            None => {
+                self.zonal.exact.prepare();
+                texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
+                    for (column, texel) in out.iter_mut().enumerate() {
+                        let value =
+                            self.zonal.exact.evaluate(texel_direction(size, line * size + column), &self.kernel);
+                        *texel = value.map(|v| v as f32);
+                    }
+                    finished(size as u64);
+                });
+            }
         }
-        texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
+        Cube { size, texels }
+    }
+
+    fn fill_faces(&self, rings: &Rings, size: usize, texels: &mut [[f32; 3]], finished: &(dyn Fn(u64) + Sync)) {
+        let instructions = self.zonal.instructions;
+        let mut faces: Vec<&mut [[f32; 3]]> = texels.chunks_exact_mut(size * size).collect();
+        let poles = faces.drain(2..4).collect::<Vec<_>>();
+        let mut bands: Vec<Vec<&mut [[f32; 3]]>> =
+            (0..size.div_ceil(BAND)).map(|_| Vec::with_capacity(SIDES.len())).collect();
+        for face in faces {
+            face.chunks_mut(BAND * size).zip(&mut bands).for_each(|(rows, band)| band.push(rows));
+        }
+        bands.into_par_iter().enumerate().for_each(|(band, mut faces)| {
+            if let [a, b, c, d] = &mut faces[..] {
+                instructions.run(
+                    #[inline(always)]
+                    || {
+                        fill_band(rings, size, band * BAND, &mut [a, b, c, d], |column| {
+                            self.finish(column.directions, column.values)
+                        })
+                    },
+                );
+                finished(faces.iter().map(|rows| rows.len() as u64).sum());
+            }
+        });
+        let angles = PoleAngles::new(size);
+        let lines: Vec<(usize, usize, &mut [[f32; 3]])> = poles
+            .into_iter()
+            .zip([2, 3])
+            .flat_map(|(face, index)| {
+                face.chunks_exact_mut(size).enumerate().map(move |(row, line)| (index, row, line))
+            })
+            .collect();
+        lines.into_par_iter().for_each(|(face, row, out)| {
             let (mut directions, mut values) = ([DVec3::ZERO; LINE], [[0.0; 3]; LINE]);
             for (chunk, out) in out.chunks_mut(LINE).enumerate() {
                 let (first, n) = (chunk * LINE, out.len());
                 for (i, direction) in directions[..n].iter_mut().enumerate() {
-                    *direction = texel_direction(size, line * size + first + i);
+                    *direction = texel_direction(size, (face * size + row) * size + first + i);
                 }
-                self.fill(&directions[..n], |i| angles.of(line, first + i), &mut values[..n]);
+                self.fill(&directions[..n], |i| angles.of(face, row, first + i), &mut values[..n]);
                 for (texel, value) in out.iter_mut().zip(&values) {
                     *texel = value.map(|v| v as f32);
                 }
             }
             finished(size as u64);
         });
-        Cube { size, texels }
     }
 
     /// The difference from the full sum where it is likely to be largest: root mean square and maximum, relative to the value
@@ -268,8 +322,14 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 
 impl Part {
     /// With more degrees where those that an easy map takes leave too much out.
-    fn patient(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
-        let part = Self::new(panorama, plans, peel, instructions);
+    fn patient(
+        panorama: &Panorama,
+        survey: &Survey,
+        plans: Vec<Plan>,
+        peel: Peel,
+        instructions: InstructionSet,
+    ) -> Self {
+        let part = Self::new(panorama, survey, plans, peel, instructions);
         let mean = panorama.mean();
         // The bound falls like degree⁻².
         let wanted = |plan: &Plan| {
@@ -288,16 +348,16 @@ impl Part {
             None => Some(plan),
         };
         let plans: Vec<Plan> = part.plans.into_iter().zip(&wanted).filter_map(more).collect();
-        let peel = peel_for(panorama, &plans);
-        Self::new(panorama, plans, peel, instructions)
+        let peel = peel_for(panorama, survey, &plans);
+        Self::new(panorama, survey, plans, peel, instructions)
     }
 
-    fn new(panorama: &Panorama, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
+    fn new(panorama: &Panorama, survey: &Survey, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
         // (The rest of a split kernel is as smooth as its degree says.)
         let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
         let narrowest = plans.iter().map(width).fold(2.0, f64::min);
-        let rest = Rest::new(panorama, &peel);
+        let rest = Rest::new(panorama, survey, &peel);
         let (mean, norm2, whole) = (rest.mean, rest.norm2, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
         let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
@@ -316,28 +376,33 @@ impl Part {
 }
 
 /// The texels that show across the horizon of one of these kernels.
-fn peel_for(panorama: &Panorama, plans: &[Plan]) -> Peel {
+fn peel_for(panorama: &Panorama, survey: &Survey, plans: &[Plan]) -> Peel {
     let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
     let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel) && plan.split.is_none());
-    Peel::strongest(panorama, least, MOST_PEELED[usize::from(!is_wide)])
+    Peel::strongest(panorama, &survey.brightest, least, MOST_PEELED[usize::from(!is_wide)])
 }
 
 /// Kernels that see the same panorama: all of them, if wide ones ask for few texels to be peeled off; else wide ones, and narrow
 /// ones, which are asked at more directions.
-fn parts(panorama: &Panorama, [wide, narrow]: [Vec<Plan>; 2], instructions: InstructionSet) -> Vec<Part> {
+fn parts(
+    panorama: &Panorama,
+    survey: &Survey,
+    [wide, narrow]: [Vec<Plan>; 2],
+    instructions: InstructionSet,
+) -> Vec<Part> {
     let mut parts = vec![];
     let mut rest = narrow;
     if !wide.is_empty() {
-        let peel = peel_for(panorama, &wide);
+        let peel = peel_for(panorama, survey, &wide);
         let mut plans = wide;
         if peel.len() <= FEW {
             plans.append(&mut rest);
         }
-        parts.push(Part::patient(panorama, plans, peel, instructions));
+        parts.push(Part::patient(panorama, survey, plans, peel, instructions));
     }
     if !rest.is_empty() {
-        let peel = peel_for(panorama, &rest);
-        parts.push(Part::patient(panorama, rest, peel, instructions));
+        let peel = peel_for(panorama, survey, &rest);
+        parts.push(Part::patient(panorama, survey, rest, peel, instructions));
     }
     parts
 }
@@ -366,12 +431,12 @@ struct Rest<'a> {
 }
 
 impl<'a> Rest<'a> {
-    fn new(panorama: &'a Panorama, peel: &Peel) -> Self {
+    fn new(panorama: &'a Panorama, survey: &Survey, peel: &Peel) -> Self {
         let mut changed: Vec<(usize, [f32; 3])> = peel.remainders().collect();
         changed.sort_unstable_by_key(|(index, _)| *index);
         let darkest = panorama.min().map(f64::from);
         let mut rest = Self { panorama, changed, darkest, mean: panorama.mean(), norm2: [0.0; 3] };
-        let [first, second] = rest.moments();
+        let [first, second] = rest.moments(survey);
         if !rest.changed.is_empty() {
             rest.mean = std::array::from_fn(|c| darkest[c] + first[c] / (4.0 * PI));
         }
@@ -394,31 +459,15 @@ impl<'a> Rest<'a> {
     }
 
     /// ∫ (f − darkest) and ∫ (f − darkest)²: a constant comes out as itself, and no sun cancels.
-    fn moments(&self) -> [[f64; 3]; 2] {
-        let (width, height) = (self.panorama.width(), self.panorama.height());
-        let of_row = |row: usize| {
-            let mut sums = [[0.0; 3]; 2];
-            let mut add = |texels: &[[f32; 3]]| {
-                for texel in texels {
-                    for c in 0..3 {
-                        let value = f64::from(texel[c]) - self.darkest[c];
-                        sums[0][c] += value;
-                        sums[1][c] += value * value;
-                    }
-                }
-            };
-            let (texels, mut next) = (self.panorama.row(row), 0);
-            for &(index, texel) in self.changed_in(row) {
-                let column = index - row * width;
-                add(&texels[next..column]);
-                add(&[texel]);
-                next = column + 1;
-            }
-            add(&texels[next..]);
-            sums.map(|sums| sums.map(|sum| sum * self.panorama.solid_angle(row)))
-        };
-        let rows: Vec<[[f64; 3]; 2]> = (0..height).into_par_iter().map(of_row).collect();
-        std::array::from_fn(|i| std::array::from_fn(|c| rows.iter().map(|row| row[i][c]).sum()))
+    fn moments(&self, survey: &Survey) -> [[f64; 3]; 2] {
+        let mut sums = [[0.0; 3]; 2];
+        for (row, known) in survey.rows.iter().enumerate() {
+            let changed = !self.changed_in(row).is_empty();
+            let of_row = if changed { moments(&self.row(row), self.darkest) } else { known.moments };
+            let solid_angle = self.panorama.solid_angle(row);
+            (0..2).for_each(|k| (0..3).for_each(|c| sums[k][c] += of_row[k][c] * solid_angle));
+        }
+        sums
     }
 }
 

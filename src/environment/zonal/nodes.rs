@@ -1,34 +1,34 @@
-//! Rows gathered at fewer polar angles: what makes panoramas cheap that are finer than any of their kernels.
+//! Rows gathered at fewer polar angles, and their columns at fewer azimuths: what makes panoramas cheap that are finer than any of their kernels.
 //!
 //! A row's integral ∫ P̄_l^m sin θ dθ is a sum over Gauss points, and P̄_l^m there is nearly what a polynomial through [`TAPS`] equally spaced
 //! nodes around them says: so the row's texels go to the nodes, by the polynomial's weights, and the nodes are analysed instead of
-//! rows. What a node takes of all rows is one function of φ. Past a pole the nodes go on down the other side, half a turn away.
+//! rows. What a node takes of all rows is one function of φ, piecewise constant, whose columns go to fewer in the same way: e^(−imφ) is nearly a
+//! polynomial too. Past a pole the nodes go on down the other side, half a turn away.
 //!
 //! **Error.** A kernel's double pole (width² + θ²)⁻² is off by 215 (Δ/width)⁸ of its peak halfway between nodes of spacing Δ at most; a degree
-//! l by 1.1e-3 (lΔ)⁸.
+//! l by 1.1e-3 (lΔ)⁸, an order m by 1.1e-3 (mΔ)⁸.
 
 use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use super::analysis::Texels;
-use super::fft::Complex;
+use super::fft::{Complex, Fft};
 use super::lanes::{LANES, V, ZERO, scale_add};
 use crate::math::quadrature::gauss_legendre;
 
 /// Nodes that a Gauss point is shared among.
 const TAPS: usize = 8;
-/// Gauss points in a row; rows are lower than nodes are apart.
+/// Gauss points in a row or column; they are smaller than nodes are apart.
 const POINTS: usize = 3;
 /// Spacing in widths of the narrowest kernel: 2e-6 of its peak.
 const PER_WIDTH: f64 = 0.1;
 /// Degrees for a node, at most: of a kernel whose horizon shows, and of any (whose λ_l have fallen off at its last degrees).
 const DEGREES: [f64; 2] = [0.45, 0.8];
-/// Rows for a node from which it is worth while.
+/// Rows (or columns) for a node from which it is worth while.
 const WORTH: f64 = 1.6;
-/// Columns gathered together, so that they stay near.
+/// Columns of all rows that are converted together, and of these the columns that are summed together: as many numbers as registers hold.
 const TILE: usize = 64;
-/// Rows that a sum takes in one after the other before it is put back.
-const TOGETHER: usize = 4;
+const STRIP: usize = 8;
 
 /// Nodes θ = (k + 1/2) π/n, eight of the north with their mirror images at a time.
 #[derive(Debug)]
@@ -36,13 +36,64 @@ pub(super) struct Nodes {
     n: usize,
     height: usize,
     blocks: Vec<Gathered>,
+    columns: Option<Columns>,
 }
 
 /// What eight nodes gather.
 #[derive(Debug, Clone, Default)]
 struct Gathered {
-    /// Rows with their weights at each of the nodes; and rows beyond the pole.
-    rows: [Vec<(usize, V)>; 2],
+    /// Rows, and whether they are meant beyond the pole.
+    rows: Vec<(usize, bool)>,
+    /// What each node takes of them.
+    spans: [Vec<Span>; LANES],
+}
+
+/// Rows one after the other, from the `first` of those gathered on, and their weights.
+#[derive(Debug, Clone)]
+struct Span {
+    first: usize,
+    weights: Vec<f64>,
+}
+
+/// Nodes φ = 2π j/n from the left edge of the map.
+#[derive(Debug)]
+struct Columns {
+    n: usize,
+    /// Of each column of the map: the first node that takes of it, and what this one and those after it take.
+    shares: Vec<(usize, [f64; TAPS])>,
+}
+
+impl Columns {
+    fn new(n: usize, width: usize) -> Self {
+        let rule = gauss_legendre(POINTS);
+        let shares = (0..width)
+            .map(|column| {
+                // The nodes around its middle serve all of a column: where one begins within it, its polynomial is as good a little further.
+                let place = |t: f64| (column as f64 + t) / width as f64 * n as f64;
+                let first = place(0.5).floor() + 1.0 - (TAPS / 2) as f64;
+                let mut shares = [0.0; TAPS];
+                for (t, weight) in rule.iter() {
+                    for (share, of) in shares.iter_mut().zip(lagrange(place(t) - first)) {
+                        *share += weight * of;
+                    }
+                }
+                ((first + n as f64) as usize % n, shares)
+            })
+            .collect();
+        Self { n, shares }
+    }
+}
+
+/// Texels of a tile, as numbers, and their sums, of the north and of the south.
+pub(super) struct Scratch {
+    texels: [Vec<f64>; 2],
+    sums: [[[f64; 3 * TILE]; LANES]; 2],
+}
+
+impl Scratch {
+    pub fn new() -> Self {
+        Self { texels: [vec![], vec![]], sums: [[[0.0; 3 * TILE]; LANES]; 2] }
+    }
 }
 
 impl Nodes {
@@ -52,11 +103,11 @@ impl Nodes {
         let by_degree = degrees.iter().zip(DEGREES).map(|(&degree, most)| degree as f64 / most).fold(0.0, f64::max);
         let n = (PI / (PER_WIDTH * narrowest)).max(by_degree) as usize;
         let n = n.next_multiple_of(2 * LANES);
-        (width.is_multiple_of(2) && n as f64 * WORTH <= height as f64).then(|| Self::new(n, height))
+        (width.is_multiple_of(2) && n as f64 * WORTH <= height as f64).then(|| Self::new(n, [width, height]))
     }
 
-    fn new(n: usize, height: usize) -> Self {
-        let mut blocks = vec![Gathered::default(); n / (2 * LANES)];
+    fn new(n: usize, [width, height]: [usize; 2]) -> Self {
+        let mut blocks: Vec<[Vec<(usize, V)>; 2]> = vec![Default::default(); n / (2 * LANES)];
         let rule = gauss_legendre(POINTS);
         for row in 0..height {
             let place = |t: f64| PI * (row as f64 + t) / height as f64;
@@ -72,7 +123,7 @@ impl Nodes {
                     // (Beyond the other pole are mirror images of these.)
                     let (node, beyond) = if node < 0 { (-1 - node, 1) } else { (node, 0) };
                     let Some(block) = blocks.get_mut(node as usize / LANES) else { continue };
-                    let rows = &mut block.rows[beyond];
+                    let rows = &mut block[beyond];
                     if rows.last().is_none_or(|(last, _)| *last != row) {
                         rows.push((row, ZERO));
                     }
@@ -82,12 +133,20 @@ impl Nodes {
                 }
             }
         }
-        Self { n, height, blocks }
+        // The same spacing at the equator.
+        let n_columns = Fft::fast_length(2 * n);
+        let columns = (n_columns as f64 * WORTH <= width as f64).then(|| Columns::new(n_columns, width));
+        Self { n, height, blocks: blocks.iter().map(Gathered::new).collect(), columns }
     }
 
     /// Blocks of eight nodes.
     pub fn n_blocks(&self) -> usize {
         self.blocks.len()
+    }
+
+    /// How many nodes columns were gathered at, if they were.
+    pub fn n_columns(&self) -> Option<usize> {
+        self.columns.as_ref().map(|columns| columns.n)
     }
 
     /// cos θ and sin θ of a block's nodes.
@@ -100,46 +159,102 @@ impl Nodes {
 
     /// Whether anything is not zero in what a block gathers.
     pub fn occupied(&self, map: &dyn Texels, block: usize) -> bool {
-        let mut rows = self.blocks[block].rows.iter().flatten();
+        let mut rows = self.blocks[block].rows.iter();
         rows.any(|&(row, _)| map.occupied(row) || map.occupied(self.height - 1 - row))
     }
 
     /// Writes what eight nodes gather, channel by channel: north + south, and north − south.
     #[inline(always)]
-    pub fn gather(&self, map: &dyn Texels, block: usize, to: &mut [Vec<Complex>; 3]) {
+    pub fn gather(&self, map: &dyn Texels, block: usize, scratch: &mut Scratch, to: &mut [Vec<Complex>; 3]) {
         let [width, height] = map.shape();
-        let base = map.base();
+        let base: [f64; 3 * TILE] = std::array::from_fn(|i| map.base()[i % 3]);
+        let block = &self.blocks[block];
+        let read: Vec<[Cow<[[f32; 3]]>; 2]> =
+            block.rows.iter().map(|&(row, _)| [map.row(row), map.row(height - 1 - row)]).collect();
+        scratch.texels.iter_mut().for_each(|texels| texels.resize(3 * TILE * read.len(), 0.0));
         to.iter_mut().for_each(|channel| channel.fill(Complex::ZERO));
-        for (beyond, rows) in self.blocks[block].rows.iter().enumerate() {
-            let read: Vec<[Cow<[[f32; 3]]>; 2]> =
-                rows.iter().map(|&(row, _)| [map.row(row), map.row(height - 1 - row)]).collect();
-            for half in [0, width / 2] {
-                for start in (0..width / 2).step_by(TILE) {
-                    let columns = start..(start + TILE).min(width / 2);
-                    let from = if beyond == 1 { width / 2 - half } else { half };
-                    for (rows, read) in rows.chunks(TOGETHER).zip(read.chunks(TOGETHER)) {
-                        let weights: [V; TOGETHER] = std::array::from_fn(|i| rows.get(i).map_or(ZERO, |row| row.1));
-                        let texels: [[&[[f32; 3]]; 2]; TOGETHER] = std::array::from_fn(|i| {
-                            let rows = &read[if i < read.len() { i } else { 0 }];
-                            [0, 1].map(|k| &rows[k][from + columns.start..from + columns.end])
-                        });
-                        for (c, sums) in to.iter_mut().enumerate() {
-                            let sums = &mut sums[half + columns.start..half + columns.end];
-                            for (i, sum) in sums.iter_mut().enumerate() {
-                                let (mut re, mut im) = (sum.re, sum.im);
-                                for (weights, [north, south]) in weights.iter().zip(texels) {
-                                    let [north, south] = [north, south].map(|row| f64::from(row[i][c]) - base[c]);
-                                    re = scale_add(*weights, north + south, re);
-                                    im = scale_add(*weights, north - south, im);
-                                }
-                                (sum.re, sum.im) = (re, im);
-                            }
+        for half in [0, width / 2] {
+            for start in (half..half + width / 2).step_by(TILE) {
+                let n = TILE.min(half + width / 2 - start);
+                for (hemisphere, (texels, sums)) in scratch.texels.iter_mut().zip(&mut scratch.sums).enumerate() {
+                    for ((read, (_, beyond)), texels) in
+                        read.iter().zip(&block.rows).zip(texels.chunks_exact_mut(3 * TILE))
+                    {
+                        let from = if *beyond { start + width / 2 - 2 * half } else { start };
+                        let row = read[hemisphere][from..from + n].as_flattened();
+                        for ((texel, value), base) in texels.iter_mut().zip(row).zip(&base) {
+                            *texel = f64::from(*value) - base;
                         }
                     }
+                    for (spans, sums) in block.spans.iter().zip(sums) {
+                        for (strip, sums) in
+                            sums.as_chunks_mut::<{ 3 * STRIP }>().0.iter_mut().enumerate().take(n.div_ceil(STRIP))
+                        {
+                            *sums = sum_of(spans, texels, strip * 3 * STRIP);
+                        }
+                    }
+                }
+                self.put(start, n, &scratch.sums, to);
+            }
+        }
+    }
+
+    /// Adds the sums of some columns to what becomes of them.
+    #[inline(always)]
+    fn put(&self, start: usize, n: usize, [north, south]: &[[[f64; 3 * TILE]; LANES]; 2], to: &mut [Vec<Complex>; 3]) {
+        for i in 0..n {
+            for (c, to) in to.iter_mut().enumerate() {
+                let at = 3 * i + c;
+                let re: V = std::array::from_fn(|lane| north[lane][at] + south[lane][at]);
+                let im: V = std::array::from_fn(|lane| north[lane][at] - south[lane][at]);
+                let Some(columns) = &self.columns else {
+                    to[start + i] = Complex { re, im };
+                    continue;
+                };
+                let (first, shares) = &columns.shares[start + i];
+                for (tap, &share) in shares.iter().enumerate() {
+                    let node = first + tap;
+                    let sum = &mut to[if node < columns.n { node } else { node - columns.n }];
+                    *sum = Complex { re: scale_add(re, share, sum.re), im: scale_add(im, share, sum.im) };
                 }
             }
         }
     }
+}
+
+impl Gathered {
+    /// From the weights of rows on this side of the pole, and beyond it.
+    fn new([here, beyond]: &[Vec<(usize, V)>; 2]) -> Self {
+        let mut rows = vec![];
+        let mut spans: [Vec<Span>; LANES] = Default::default();
+        for (of, is_beyond) in [(beyond, true), (here, false)] {
+            for (lane, spans) in spans.iter_mut().enumerate() {
+                let is_taken = |(_, weights): &(usize, V)| weights[lane] != 0.0;
+                if let (Some(first), Some(last)) = (of.iter().position(is_taken), of.iter().rposition(is_taken)) {
+                    let weights = of[first..=last].iter().map(|(_, weights)| weights[lane]).collect();
+                    spans.push(Span { first: rows.len() + first, weights });
+                }
+            }
+            rows.extend(of.iter().map(|&(row, _)| (row, is_beyond)));
+        }
+        Self { rows, spans }
+    }
+}
+
+/// The weighted sum of the rows of a tile, from a number of theirs on.
+#[inline(always)]
+fn sum_of(spans: &[Span], texels: &[f64], from: usize) -> [f64; 3 * STRIP] {
+    let mut sums = [0.0; 3 * STRIP];
+    for Span { first, weights } in spans {
+        let rows = texels[first * 3 * TILE..].chunks_exact(3 * TILE);
+        for (weight, row) in weights.iter().zip(rows) {
+            let row = &row[from..from + 3 * STRIP];
+            for (sum, texel) in sums.iter_mut().zip(row) {
+                *sum += weight * texel;
+            }
+        }
+    }
+    sums
 }
 
 /// The weights of the points 0, 1, … at `t`.
@@ -174,7 +289,7 @@ mod tests {
             };
             let (degree, set) = (n / 3, InstructionSet::detect());
             let wanted = analyse(&map, degree, &Rows::Points(row_rule(0.1, degree, width / 2)), set);
-            let got = analyse(&map, degree, &Rows::Nodes(Nodes::new(n, width / 2)), set);
+            let got = analyse(&map, degree, &Rows::Nodes(Nodes::new(n, [width, width / 2])), set);
             let flux: f64 = (0..3).map(|c| panorama.mean()[c]).fold(0.0, f64::max) * 4.0 * PI;
             for (m, (got, wanted)) in got.orders.iter().zip(&wanted.orders).enumerate() {
                 for (k, (got, wanted)) in got.iter().zip(wanted).enumerate() {

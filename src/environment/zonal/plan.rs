@@ -8,13 +8,13 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
 use super::split::Split;
+use super::survey::Survey;
 use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::{Kernel, Profile, with_profile};
 use crate::environment::panorama::Panorama;
@@ -294,23 +294,19 @@ pub(super) struct Cell {
 }
 
 /// The map in some 32 × 16 cells.
-pub(super) fn cells(panorama: &Panorama) -> Vec<Cell> {
+pub(super) fn cells(panorama: &Panorama, survey: &Survey) -> Vec<Cell> {
     let (width, height) = (panorama.width(), panorama.height());
-    let (across, down) = (width.min(32), height.min(16));
+    let (across, down) = (survey.across, height.min(16));
     let mut cells: Vec<Cell> =
         (0..across * down).map(|_| Cell { direction: DVec3::ZERO, flux: [0.0; 3], solid_angle: 0.0 }).collect();
-    let columns: Vec<usize> = (0..width).map(|column| column * across / width).collect();
-    cells.par_chunks_mut(across).enumerate().for_each(|(band, cells)| {
-        // The rows that `row * down / height` says are of this band.
-        for row in (band * height).div_ceil(down)..((band + 1) * height).div_ceil(down) {
-            let solid_angle = panorama.solid_angle(row);
-            for (&column, texel) in columns.iter().zip(panorama.row(row)) {
-                let cell = &mut cells[column];
-                (0..3).for_each(|c| cell.flux[c] += f64::from(texel[c]) * solid_angle);
-                cell.solid_angle += solid_angle;
-            }
+    for (row, sums) in survey.rows.iter().enumerate() {
+        let solid_angle = panorama.solid_angle(row);
+        let band = row * down / height;
+        for (i, (cell, sums)) in cells[band * across..][..across].iter_mut().zip(&sums.cells).enumerate() {
+            cell.solid_angle += solid_angle * survey.columns(i, width).len() as f64;
+            (0..3).for_each(|c| cell.flux[c] += sums[c] * solid_angle);
         }
-    });
+    }
     for (i, cell) in cells.iter_mut().enumerate() {
         let theta = PI * ((i / across) as f64 + 0.5) / down as f64;
         let (sin, cos) = libm::sincos(TAU * ((i % across) as f64 + 0.5) / across as f64 - PI);

@@ -11,7 +11,7 @@ use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, scale_add, sub};
 use super::legendre::{CHUNK, Order, Places, Walk, negligible, sectoral_norms};
 
 /// Taps of the interpolation in each angle.
-const TAPS: usize = 6;
+pub(super) const TAPS: usize = 6;
 /// Columns that are taken out of a transform at a time.
 const TILE: usize = 16;
 /// Copies of what lies beyond a turn on each side, so that taps need no wrapping.
@@ -24,7 +24,8 @@ pub(super) struct Rings {
     columns: usize,
     /// What is added to the values that are kept, about their mean: where the sum is dark, its rounding is small too.
     base: [f32; 3],
-    /// Eight rings of the north, then their mirror images, each with [`MARGIN`] columns more on both sides.
+    /// Eight rings of the north, then their mirror images, each with [`MARGIN`] columns more on both sides; and one texel that is none, so
+    /// that four numbers can be read where three are meant.
     strips: Vec<Vec<[f32; 3]>>,
 }
 
@@ -80,17 +81,11 @@ impl Rings {
     /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
     #[inline(always)]
     pub fn at(&self, [theta, turn]: [f64; 2]) -> [f64; 3] {
-        let split = |position: f64| {
-            let floor = position.floor();
-            (floor as isize, position - floor)
-        };
-        let (ring, t) = split(theta * self.rings as f64 - 0.5);
-        let (column, u) = split(turn * self.columns as f64);
-        let (down, across) = (lagrange(t), lagrange(u));
-        let column = self.within(column as usize);
+        let (ring, down) = self.rings_at(theta);
+        let (column, across) = self.columns_at(turn);
         let mut sums = [0.0; 3 * TAPS];
         for (i, weight) in down.into_iter().enumerate() {
-            let taps = self.taps(ring + i as isize + 1 - (TAPS / 2) as isize, column).as_flattened();
+            let taps = self.taps(ring + i as isize, column).as_flattened();
             for (sum, tap) in sums.iter_mut().zip(taps) {
                 *sum += f64::from(*tap) * weight;
             }
@@ -104,15 +99,55 @@ impl Rings {
         [r, g, b]
     }
 
+    /// The first of the rings around θ/π in [0, 1], which may lie beyond a pole, and the weights of the rings from there on.
+    #[inline(always)]
+    pub fn rings_at(&self, theta: f64) -> (isize, [f64; TAPS]) {
+        let (ring, t) = split(theta * self.rings as f64 - 0.5);
+        (ring + 1 - (TAPS / 2) as isize, lagrange(t))
+    }
+
+    /// The column before a turn in [0, 2), and the weights of those around it.
+    #[inline(always)]
+    fn columns_at(&self, turn: f64) -> (usize, [f64; TAPS]) {
+        let (column, u) = split(turn * self.columns as f64);
+        (self.within(column as usize), lagrange(u))
+    }
+
+    /// The values along a meridian, at rings from `first` on, as they are before interpolation between rings. (Of four numbers the last
+    /// means nothing: vectors hold four.)
+    #[inline(always)]
+    pub fn along_meridian(&self, turn: f64, first: isize, values: &mut [[f64; 4]]) {
+        let (column, across) = self.columns_at(turn);
+        let [r, g, b] = self.base.map(f64::from);
+        for (i, value) in values.iter_mut().enumerate() {
+            let start = self.start(first + i as isize, column);
+            let taps = &self.strips[start.0].as_flattened()[3 * start.1..][..3 * TAPS + 1];
+            let mut sum = [0.0; 4];
+            for (tap, weight) in across.into_iter().enumerate() {
+                (0..4).for_each(|c| sum[c] += weight * f64::from(taps[3 * tap + c]));
+            }
+            *value = [sum[0] - r, sum[1] - g, sum[2] - b, sum[3]];
+        }
+    }
+
     /// A column of less than two turns.
     #[inline(always)]
     fn within(&self, column: usize) -> usize {
         if column >= self.columns { column - self.columns } else { column }
     }
 
-    /// The values around a column of a ring. Over a pole, the ring on its other side comes half a turn away.
+    /// The values around a column of a ring.
     #[inline(always)]
     fn taps(&self, ring: isize, column: usize) -> &[[f32; 3]; TAPS] {
+        let (strip, start) = self.start(ring, column);
+        let taps = self.strips[strip][start..].first_chunk();
+        taps.expect("a column lies within its ring, which has margins on both sides")
+    }
+
+    /// The strip, and the texel in it, from which on lies what is around a column of a ring. Over a pole, the ring on its other side comes
+    /// half a turn away.
+    #[inline(always)]
+    fn start(&self, ring: isize, column: usize) -> (usize, usize) {
         let last = self.rings as isize - 1;
         let opposite = || self.within(column + self.columns / 2);
         let (ring, column) = match ring {
@@ -122,10 +157,15 @@ impl Rings {
         };
         let (north, south) = (ring as usize, (last - ring) as usize);
         let (pair, side) = if north <= south { (north, 0) } else { (south, LANES) };
-        let start = (pair % LANES + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2;
-        let taps = self.strips[pair / LANES][start..].first_chunk();
-        taps.expect("a column lies within its ring, which has margins on both sides")
+        (pair / LANES, (pair % LANES + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2)
     }
+}
+
+/// The whole part of a position, and the rest.
+#[inline(always)]
+fn split(position: f64) -> (isize, f64) {
+    let floor = position.floor();
+    (floor as isize, position - floor)
 }
 
 /// θ/π and (φ + π)/2π of a direction of any length.
@@ -135,49 +175,47 @@ pub(super) fn angles(direction: DVec3) -> [f64; 2] {
     [libm::atan2((x * x + z * z).sqrt(), y) / PI, (libm::atan2(z, x) + PI) / TAU]
 }
 
-/// The angles of a cube's texels, as [`angles`] gives them, of two faces: the others follow by symmetry, which spares most arctangents.
-pub(super) struct FaceAngles {
+/// The angles of the texels of a cube's faces at the poles, as [`angles`] gives them: of a quarter of one, whose mirror images are the rest.
+pub(super) struct PoleAngles {
     size: usize,
-    /// Row by row, θ/π on a face beside the equator.
-    side: Vec<f64>,
-    /// Of each column of such a face, the turn from the middle of the face.
-    columns: Vec<f64>,
-    /// Row by row, θ/π and the turn from azimuth 0 on the face above.
-    top: Vec<[f64; 2]>,
+    /// θ/π and the turn from azimuth 0, row by row from the middle on.
+    quarter: Vec<[f64; 2]>,
 }
 
-/// (azimuth of the middle + π)/2π of the faces beside the equator, in storage order.
-const MIDDLES: [f64; 6] = [0.5, 1.0, 0.0, 0.0, 0.75, 0.25];
-
-impl FaceAngles {
+impl PoleAngles {
     pub fn new(size: usize) -> Self {
-        let centre = |i: usize| (2.0 * i as f64 + 1.0 - size as f64) / size as f64;
-        let (mut side, mut top) = (vec![0.0; size * size], vec![[0.0; 2]; size * size]);
-        side.par_chunks_mut(size).zip(top.par_chunks_mut(size)).enumerate().for_each(|(row, (side, top))| {
-            let v = centre(row);
-            for (column, (side, top)) in side.iter_mut().zip(top).enumerate() {
-                let u = centre(column);
-                *side = libm::atan2((1.0 + u * u).sqrt(), -v) / PI;
-                *top = [libm::atan2((u * u + v * v).sqrt(), 1.0) / PI, libm::atan2(v, u) / TAU];
+        let half = size.div_ceil(2);
+        let mut quarter = vec![[0.0; 2]; half * half];
+        quarter.par_chunks_mut(half).enumerate().for_each(|(row, texels)| {
+            let v = centre(size, size / 2 + row);
+            for (column, texel) in texels.iter_mut().enumerate() {
+                let u = centre(size, size / 2 + column);
+                *texel = [libm::atan2((u * u + v * v).sqrt(), 1.0) / PI, libm::atan2(v, u) / TAU];
             }
         });
-        // On each of them the azimuth falls as u grows.
-        let columns = (0..size).map(|column| -libm::atan2(centre(column), 1.0) / TAU).collect();
-        Self { size, side, columns, top }
+        Self { size, quarter }
     }
 
-    /// Of a texel, by its line (rows of all faces, one after the other) and column.
+    /// Of a texel of the face above (2) or below (3).
     #[inline(always)]
-    pub fn of(&self, line: usize, column: usize) -> [f64; 2] {
-        let (face, row) = (line / self.size, line % self.size);
-        let index = row * self.size + column;
-        match face {
-            2 => [self.top[index][0], 0.5 + self.top[index][1]],
-            // (u, −1, −v).
-            3 => [1.0 - self.top[index][0], 0.5 - self.top[index][1]],
-            _ => [self.side[index], MIDDLES[face] + self.columns[column]],
+    pub fn of(&self, face: usize, row: usize, column: usize) -> [f64; 2] {
+        let half = self.size.div_ceil(2);
+        let from_middle = |i: usize| (if 2 * i < self.size { self.size - 1 - i } else { i }) - self.size / 2;
+        let [theta, mut turn] = self.quarter[from_middle(row) * half + from_middle(column)];
+        if 2 * column + 1 < self.size {
+            turn = 0.5 - turn;
         }
+        if 2 * row + 1 < self.size {
+            turn = -turn;
+        }
+        // Below they are (u, −1, −v).
+        if face == 2 { [theta, 0.5 + turn] } else { [1.0 - theta, 0.5 - turn] }
     }
+}
+
+/// Where the centre of a texel lies on its face, in [−1, 1].
+pub(super) fn centre(size: usize, index: usize) -> f64 {
+    (2.0 * index as f64 + 1.0 - size as f64) / size as f64
 }
 
 /// The weights of the points −2, −1, 0, 1, 2, 3 at t in [0, 1].
@@ -302,7 +340,7 @@ fn strip(
     }
     let base = base.map(f64::from);
     let length = columns + 2 * MARGIN;
-    let mut strip = vec![[0.0; 3]; 2 * LANES * length];
+    let mut strip = vec![[0.0; 3]; 2 * LANES * length + 1];
     // (Some columns of all rows before the next: what a transform leaves is interleaved.)
     let mut tile = [[[0.0f32; 2 * LANES]; 3]; TILE];
     for first in (0..columns).step_by(TILE) {
