@@ -258,7 +258,7 @@ fn found(
             what: what(&second.hypothesis),
             residual: second.rms,
             times: times(&second),
-            deviations: apart.map(|(apart, _)| apart.deviations).filter(|d| d.is_finite()),
+            deviations: apart.map(|(apart, _)| apart.deviations).filter(|d| d.is_finite() && *d >= 1.0),
             ruled_out: rivals.is_empty() && times(&second) < FAR,
         });
     }
