@@ -5,7 +5,7 @@ use super::console::{Console, columns, name_of, printable};
 use super::foreign::DescribedArgs;
 use clap::Args;
 use kiln::format::Grid;
-use kiln::identify::{self, Identification};
+use kiln::identify::{self, Identification, Noise};
 use kiln::{Error, Result};
 use std::path::PathBuf;
 
@@ -108,11 +108,17 @@ fn text(name: &str, found: &Identification) -> String {
         if c.as_good.len() > A_FEW {
             text += &format!("{}: and {} more do; --json lists them\n", c.channel, c.as_good.len() - A_FEW);
         }
+        if let Some(noise) = &c.noise {
+            text += &left(&c.channel, noise);
+        }
         if let Some(runner_up) = &c.runner_up {
             text += &if c.quantity.is_some() {
                 let ruled_out = if runner_up.ruled_out { "; the other channels rule it out" } else { "" };
+                let far = runner_up.deviations.map_or(String::new(), |deviations| {
+                    format!(", {deviations:.0} standard deviations away by all texels together")
+                });
                 format!(
-                    "{}: the next best, {}, leaves {:.1} times as much{ruled_out}\n",
+                    "{}: the next best, {}, leaves {:.1} times as much{far}{ruled_out}\n",
                     c.channel, runner_up.what, runner_up.times
                 )
             } else {
@@ -130,4 +136,24 @@ fn text(name: &str, found: &Identification) -> String {
         text += &format!("as it is: {command}\n");
     }
     text + "\n"
+}
+
+/// What is left that is no rounding, in a line.
+fn left(channel: &str, noise: &Noise) -> String {
+    match noise.samples {
+        Some(samples) => {
+            // Noise knows itself to a tenth or so: one digit.
+            let digit = 10.0_f64.powf(samples.log10().floor());
+            let samples = (samples / digit).round() * digit;
+            format!(
+                "{channel}: what is left is noise, as much as about {samples} well-drawn random samples a texel leave\n"
+            )
+        }
+        None if noise.is_patterned() => {
+            format!(
+                "{channel}: what is left has a pattern: too few samples, always the same ones, or a detail that is not known here\n"
+            )
+        }
+        None => format!("{channel}: what is left is noise\n"),
+    }
 }

@@ -1,10 +1,10 @@
 //! From hypotheses to words: what a person searches for, and the command that bakes the table as it should be.
 
 use super::hypothesis::{Data, Hypothesis};
+use super::judge::{Judge, Noise, Ranked};
 use super::ramp::{Place, Ramp};
-use super::rank::Ranked;
 use super::{Confidence, Identification, claimed};
-use crate::claim::{Claim, Curve, Encoding, model_words};
+use crate::claim::{Claim, ClaimedChannel, Curve, Encoding, model_words};
 use crate::error::Result;
 use crate::format::Grid;
 use crate::format::grid::Stored;
@@ -36,6 +36,8 @@ pub struct ChannelFinding {
     pub relative: Option<f64>,
     /// The same in parts of what rounding to the file's format leaves.
     pub times_rounding: Option<f64>,
+    /// What it leaves where that is more than rounding does.
+    pub noise: Option<Noise>,
     /// The best of the other explanations.
     pub runner_up: Option<RunnerUp>,
     /// Explanations that come to the same numbers: nothing in the file tells them apart.
@@ -54,6 +56,8 @@ pub struct RunnerUp {
     pub residual: f64,
     /// How many times what the best one leaves.
     pub times: f64,
+    /// Where the best one leaves noise: how many standard deviations of that the table is from this one, over all texels.
+    pub deviations: Option<f64>,
     /// Whether it is near, and yet no rival, as other channels of the table make it certain what the texels stand for.
     pub ruled_out: bool,
 }
@@ -80,6 +84,12 @@ const FAR: f64 = 3.0;
 const FARTHER: f64 = 1.5;
 /// The part of the texels that an explanation must have rounded wrongly to be refuted by one that has none so.
 const REFUTED: f64 = 0.05;
+/// How many standard deviations of the noise another explanation must be away to be none, over all texels, and how near to it the table may
+/// be: it must be three times as near to the best.
+const DEVIATIONS: f64 = 5.0;
+const NEARER: f64 = 0.25;
+/// What two explanations may be apart, in parts of what the best one leaves, to be nothing that the table could tell apart.
+const HARDLY_ANOTHER: f64 = 0.5;
 /// Parts of a channel's variation that may be left for it to be likely, and possible.
 const LITTLE: f64 = 1.0 / 30.0;
 const MUCH: f64 = 0.1;
@@ -93,24 +103,30 @@ pub(super) fn explain(
     varying: &[usize],
     data: &[Data],
     ranked: Vec<Vec<Ranked>>,
+    judge: &Judge,
 ) -> Result<Identification> {
     let mut channels = vec![];
     let (mut claim, mut as_it_is) = (Claim::default(), Claim::default());
     let mut surest: Option<(f64, Hypothesis)> = None;
-    // The best explanation of a channel that is certain by itself: the other channels are of the same table.
-    let certain = varying
-        .iter()
-        .zip(data.iter().zip(&ranked))
-        .filter(|&(&c, (data, ranked))| found(grid, c, data, ranked, None).confidence == Confidence::Certain)
-        .map(|(_, (data, ranked))| (ranked[0].trimmed / data.spread, &ranked[0]))
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, best)| best);
+    // The best explanation of a channel that is certain by itself, or else likely: the other channels are of the same table.
+    let mut surest_alone: Option<(Confidence, f64, &Ranked)> = None;
+    for (&c, (data, ranked)) in varying.iter().zip(data.iter().zip(&ranked)) {
+        let confidence = found(grid, c, data, ranked, None, judge)?.confidence;
+        if confidence >= Confidence::Likely {
+            let left = ranked[0].trimmed / data.spread;
+            let is_surer = |&(sure, least, _): &(Confidence, f64, &Ranked)| (confidence, -left) > (sure, -least);
+            if surest_alone.as_ref().is_none_or(is_surer) {
+                surest_alone = Some((confidence, left, &ranked[0]));
+            }
+        }
+    }
+    let sure = surest_alone.map(|(confidence, _, best)| (confidence, best));
     for c in 0..grid.channels.len() {
         let Some(i) = varying.iter().position(|&v| v == c) else {
             channels.push(constant(grid, c));
             continue;
         };
-        let finding = found(grid, c, &data[i], &ranked[i], certain);
+        let finding = found(grid, c, &data[i], &ranked[i], sure, judge)?;
         if finding.confidence > Confidence::Unknown
             && let Some(best) = ranked[i].first()
         {
@@ -165,14 +181,24 @@ fn constant(grid: &Grid, c: usize) -> ChannelFinding {
         residual: None,
         relative: None,
         times_rounding: None,
+        noise: None,
         runner_up: None,
         same: vec![],
         as_good: vec![],
     }
 }
 
-/// What channel `c` holds, given an explanation of another that is certain.
-fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<&Ranked>) -> ChannelFinding {
+/// What channel `c` holds, given an explanation of another that is certain or likely.
+///
+/// **Errors**: those of the integrator.
+fn found(
+    grid: &Grid,
+    c: usize,
+    data: &Data,
+    ranked: &[Ranked],
+    sure: Option<(Confidence, &Ranked)>,
+    judge: &Judge,
+) -> Result<ChannelFinding> {
     let unknown = ChannelFinding {
         channel: grid.channels[c].name.clone(),
         stored: grid.channels[c].stored,
@@ -184,17 +210,19 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
         residual: None,
         relative: None,
         times_rounding: None,
+        noise: None,
         runner_up: None,
         same: vec![],
         as_good: vec![],
     };
-    let Some(best) = ranked.first() else { return unknown };
+    let Some(best) = ranked.first() else { return Ok(unknown) };
     let relative = best.trimmed / data.spread;
     let times_rounding = best.rms / data.rounding.max(1e-7);
     let times = |other: &Ranked| (other.trimmed + data.rounding) / (best.trimmed + data.rounding);
     let (same, others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
     // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one
     // over other axes, cropped and stretched as they had to be, is no rival.
+    let certain = sure.filter(|(confidence, _)| *confidence == Confidence::Certain).map(|(_, other)| other);
     let known = certain.filter(|&other| times_rounding <= AS_ROUNDED && !std::ptr::eq(other, best));
     let (rivals, ruled_out): (Vec<&Ranked>, Vec<&Ranked>) = others
         .into_iter()
@@ -205,17 +233,43 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     // however little that is.
     let is_refuted = |other: &&Ranked| best.misrounded == 0.0 && other.misrounded >= REFUTED;
     let is_near = |other: &&Ranked| times(other) < FARTHER;
-    let rivalled = rivals.iter().any(|other| is_near(other) && !is_refuted(other));
+    // What is left without a pattern is noise: over many texels that averages out, and tells what is nearly as near from what is right.
+    let noise = judge.noise(best, data)?.filter(|_| times_rounding > AS_ROUNDED);
+    let is_noise = times_rounding <= AS_ROUNDED || noise.is_some_and(|noise| !noise.is_patterned());
+    let mut rivalled = false;
+    for other in rivals.iter().filter(|other| is_near(other) && !is_refuted(other)) {
+        let Some((apart, difference)) = judge.apart(best, other, data)? else {
+            rivalled = true;
+            continue;
+        };
+        let is_far = is_noise && apart.deviations >= DEVIATIONS && apart.towards <= NEARER;
+        // A parameter that was free to take whatever value comes to about the same numbers tells nothing new.
+        let is_no_news = other.hypothesis.free.is_some()
+            && best.hypothesis.free.is_none()
+            && difference <= HARDLY_ANOTHER * (best.trimmed + data.rounding);
+        rivalled |= !is_far && !is_no_news;
+    }
     let nearest = |list: &[&Ranked]| list.iter().copied().min_by(|a, b| a.trimmed.total_cmp(&b.trimmed)).cloned();
     let away = nearest(&rivals).as_ref().map_or(f64::INFINITY, times);
-    let runner_up = nearest(&rivals).or_else(|| nearest(&ruled_out)).map(|second| RunnerUp {
-        what: what(&second.hypothesis),
-        residual: second.rms,
-        times: times(&second),
-        ruled_out: rivals.is_empty() && times(&second) < FAR,
-    });
+    let mut runner_up = None;
+    if let Some(second) = nearest(&rivals).or_else(|| nearest(&ruled_out)) {
+        let apart = if is_noise && times(&second) < FAR { judge.apart(best, &second, data)? } else { None };
+        runner_up = Some(RunnerUp {
+            what: what(&second.hypothesis),
+            residual: second.rms,
+            times: times(&second),
+            deviations: apart.map(|(apart, _)| apart.deviations).filter(|d| d.is_finite() && *d >= 1.0),
+            ruled_out: rivals.is_empty() && times(&second) < FAR,
+        });
+    }
     let encoding = best.hypothesis.encoding;
-    let fitted = best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count();
+    // What had to be fitted to another channel is none of this one's numbers.
+    let is_shared =
+        sure.is_some_and(|(_, other)| !std::ptr::eq(other, best) && other.hypothesis.ramps == best.hypothesis.ramps);
+    let fitted = match is_shared {
+        true => 0,
+        false => best.hypothesis.ramps.iter().filter(|ramp| ramp.shift().is_none()).count(),
+    };
     let curved = encoding.curve != Curve::Plain;
     // The more is free, the less a middling fit says.
     let most = match (is_named(&encoding), fitted) {
@@ -229,7 +283,7 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
         Confidence::Unknown
     } else if times_rounding <= AS_ROUNDED && away >= FAR {
         Confidence::Certain
-    } else if relative <= LITTLE && !rivalled {
+    } else if (relative <= LITTLE || is_noise) && !rivalled {
         Confidence::Likely
     } else {
         Confidence::Possible
@@ -237,14 +291,20 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
     let figures = (Some(best.rms), Some(relative), Some(times_rounding));
     if confidence == Confidence::Unknown {
         // What comes nearest is told, but not as what it is.
-        let nearest = RunnerUp { what: what(&best.hypothesis), residual: best.rms, times: 1.0, ruled_out: false };
-        return ChannelFinding { runner_up: Some(nearest), ..unknown };
+        let nearest = RunnerUp {
+            what: what(&best.hypothesis),
+            residual: best.rms,
+            times: 1.0,
+            deviations: None,
+            ruled_out: false,
+        };
+        return Ok(ChannelFinding { runner_up: Some(nearest), ..unknown });
     }
     let definition = &best.hypothesis.master.definition;
     let quantity = &definition.quantities()[best.hypothesis.quantity];
     let spec = claimed_model(&best.hypothesis);
     let model = model_words(&spec);
-    ChannelFinding {
+    Ok(ChannelFinding {
         confidence,
         holds: short(quantity.name).to_owned(),
         quantity: Some(quantity.name.to_owned()),
@@ -253,12 +313,13 @@ fn found(grid: &Grid, c: usize, data: &Data, ranked: &[Ranked], certain: Option<
         residual: figures.0,
         relative: figures.1,
         times_rounding: figures.2,
+        noise,
         runner_up,
         // Not what turns the numbers round to come to the same.
         as_good,
         same: same.into_iter().filter(|r| r.hypothesis.encoding == encoding).map(|r| what(&r.hypothesis)).collect(),
         ..unknown
-    }
+    })
 }
 
 /// Whether factor and offset mean something.
@@ -366,20 +427,49 @@ fn words(claim: &Claim, axes: &[AxisFinding], surest: Option<&Hypothesis>) -> Ve
     words
 }
 
+/// The named table whose axes stand for two parameters each, if that is what two groups of channels are.
+fn of_two_parameters(claim: &Claim, grid: &Grid) -> Option<(&'static str, Vec<Axis>)> {
+    let groups = claim.groups();
+    let [(first, _), (second, _)] = groups.as_slice() else { return None };
+    let table = TABLES.iter().find(|table| {
+        let is_there = |c: &ClaimedChannel| table.channels.get(c.index) == Some(&c.spec.channels[0].quantity.name);
+        table.channels.len() == grid.channels.len() && claim.channels.iter().all(is_there)
+    })?;
+    let both = |a: &[Axis], b: &[Axis]| -> Option<Vec<Axis>> {
+        let merged = a.iter().zip(b).map(|(a, b)| Axis { also: Some(b.parameter), ..*a });
+        let merged: Vec<Axis> = merged.collect();
+        let is_same = merged.iter().map(Axis::other).eq(b.iter().map(|b| Some(*b)));
+        let own = table.default_axes().ok()?;
+        let is_tables = merged.iter().zip(&own).all(|(a, b)| (a.parameter, a.also) == (b.parameter, b.also));
+        (is_same && is_tables).then_some(merged)
+    };
+    let axes = both(&first.axes, &second.axes).or_else(|| both(&second.axes, &first.axes))?;
+    (first.model == second.model).then_some((table.name, axes))
+}
+
 /// The commands that bake what the claim says: one per group of channels with the same axes and model.
 fn commands(claim: &Claim, grid: &Grid, suffix: &str) -> Vec<String> {
     let groups = claim.groups();
+    if let Some((name, axes)) = of_two_parameters(claim, grid) {
+        let axes: Vec<String> = axes.iter().map(Axis::brief).collect();
+        let flags = model_flags(&groups[0].0);
+        let half = grid.channels.iter().all(|c| c.stored == Stored::F16);
+        let extension = if half { "ktx2" } else { "exr" };
+        return vec![format!("kiln table {name} --axes {}{flags} -o {name}{suffix}.{extension}", axes.join(","))];
+    }
     let several = groups.len() > 1;
     groups
         .iter()
         .enumerate()
         .map(|(i, (spec, channels))| {
             let names: Vec<&str> = spec.channels.iter().map(|c| c.quantity.name).collect();
+            // Tables whose axes stand for one parameter each.
+            let of_one = || TABLES.iter().filter(|t| !t.axes.iter().any(|axis| axis.contains(":+")));
             let named = TABLES
                 .iter()
                 .find(|t| t.channels == names)
-                .or_else(|| TABLES.iter().find(|t| names.iter().all(|n| t.channels.contains(n))))
-                .or_else(|| TABLES.iter().find(|t| t.channels.contains(&names[0])));
+                .or_else(|| of_one().find(|t| names.iter().all(|n| t.channels.contains(n))))
+                .or_else(|| of_one().find(|t| t.channels.contains(&names[0])));
             let name = named.map_or("dfg", |t| t.name);
             let mut command = format!("kiln table {name}");
             if named.is_none_or(|t| t.channels != names) {

@@ -133,8 +133,9 @@ fn with_round_offset(ramp: Ramp) -> Vec<(usize, Ramp)> {
     all
 }
 
-/// The rank of what is as it was fitted.
+/// The rank of what is as it was fitted, and of what is cut between texels.
 const NOT_SIMPLE: usize = 100;
+const CUT: usize = 50;
 
 /// Levenberg and Marquardt's descent on the residuals with Huber's weights.
 fn descend(start: &Hypothesis, values: &[f64], choice: &Choice, fixed: Option<(f64, f64)>) -> Hypothesis {
@@ -272,13 +273,17 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
             .iter()
             .flat_map(|(rank, so_far)| {
                 places.iter().flat_map(move |&place| {
-                    let placed = place.map_or(*ramp, |place| ramp.placed(place));
-                    let own = match place {
-                        None => NOT_SIMPLE,
-                        Some(place) => Place::ALL.iter().position(|p| *p == place).unwrap_or(0),
+                    let placed = match place {
+                        None => [ramp.cut_from_larger().map(|cut| (CUT, cut)), Some((NOT_SIMPLE, *ramp))],
+                        Some(place) => {
+                            let rank = Place::ALL.iter().position(|p| *p == place).unwrap_or(0);
+                            [Some((rank, ramp.placed(place))), None]
+                        }
                     };
-                    let with = move |(round, ramp)| (rank + own + round, [so_far.as_slice(), &[ramp]].concat());
-                    with_round_offset(placed).into_iter().map(with)
+                    placed.into_iter().flatten().flat_map(move |(own, placed)| {
+                        let with = move |(round, ramp)| (rank + own + round, [so_far.as_slice(), &[ramp]].concat());
+                        with_round_offset(placed).into_iter().map(with)
+                    })
                 })
             })
             .collect();

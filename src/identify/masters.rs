@@ -15,6 +15,7 @@ use crate::model::layered::Kd;
 use crate::table::quantity::{self, Handle, evaluate_family};
 use crate::table::{Axis, Model, Parameter, Point, Quantity};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::{Arc, Mutex};
 
 /// What one master holds.
@@ -44,6 +45,8 @@ impl Definition {
             (2, "dielectric.albedo_avg") | (3, "compensation.none") => 5e-3,
             (3, "dielectric.albedo") => 2e-2,
             (3, "layered.albedo") => 2e-3,
+            // Entries grow as the lobe narrows.
+            (2, "ltc-m22.m00") => 5e-2,
             // Total reflection begins with a kink.
             (2, "fresnel.dielectric") if self.nodes[1].ends().1 <= 1.0 => 1e-2,
             _ => 2e-4,
@@ -63,8 +66,8 @@ impl Definition {
 pub struct Master {
     /// What it holds.
     pub definition: Definition,
-    /// The values, quantity fastest, then the parameters in order.
-    pub values: Vec<f64>,
+    /// Each quantity at every node, the first parameter fastest.
+    planes: Vec<Vec<f64>>,
 }
 
 /// What values of a master may be off by.
@@ -73,6 +76,9 @@ const TOLERANCE: f64 = 1e-5;
 const TOLERANCE_OF_CURVES: f64 = 1e-7;
 /// The same where every value is an integral of integrals.
 const TOLERANCE_OF_AVERAGES: f64 = 1e-3;
+/// The same of fits, which are far better than they promise, and of those whose entries go into the thousands.
+const TOLERANCE_OF_FITS: f64 = 1e-3;
+const TOLERANCE_OF_LARGE_FITS: f64 = 3e-2;
 /// Points of a value that only Monte Carlo knows.
 const SAMPLES: u64 = 4096;
 
@@ -131,6 +137,12 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
             list.push(("fresnel.dielectric", vec![mu(97), inside(65)], &[], plain));
             let (n, k) = (axis(P::N, 49, Warp::Sqrt, Some((0.01, 8.0))), axis(P::K, 49, Warp::Sqrt, Some((0.0, 16.0))));
             list.push(("fresnel.conductor_avg", vec![n, k], &[], plain));
+            // Fits are smooth in the angle; towards grazing they bend at the width of the lobe.
+            let angle = |n| axis(P::Mu, n, Warp::Acos, None);
+            list.push(("ltc.m00", vec![angle(37), roughness(27)], &[], plain));
+            list.push(("ltc-m22.m00", vec![angle(37), roughness(27)], &[], plain));
+            let spheres = [(P::CosCentre, 129), (P::Sin2Radius, 65)].map(|(p, n)| linear(p, n));
+            list.push(("sphere.clipped", spheres.to_vec(), &[], plain));
             list.push(("dielectric.albedo_avg", vec![roughness(7), outside(9)], &[], plain));
             list.push(("dielectric.albedo_avg", vec![roughness(7), inside(9)], &[], plain));
         }
@@ -192,7 +204,7 @@ pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
                     values
                 }
             };
-            let master = Arc::new(Master { definition, values });
+            let master = Arc::new(Master::new(definition, &values));
             if let Ok(mut loaded) = LOADED.lock() {
                 loaded.push((key, Arc::clone(&master)));
             }
@@ -201,13 +213,15 @@ pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
         .collect()
 }
 
-fn integrate(definition: &Definition) -> Result<Vec<f64>> {
+/// The values at every node, the first parameter fastest, all quantities of a node together.
+pub(super) fn integrate(definition: &Definition) -> Result<Vec<f64>> {
     let family = definition.handle.family;
-    let slow = ["dielectric.albedo_avg", "compensation.none"].contains(&definition.handle.quantity.name);
     let settings = if family.has_quadrature() {
-        let tolerance = match definition.nodes.len() {
-            _ if slow => TOLERANCE_OF_AVERAGES,
-            1 => TOLERANCE_OF_CURVES,
+        let tolerance = match (definition.nodes.len(), definition.handle.quantity.name) {
+            (_, "dielectric.albedo_avg" | "compensation.none") => TOLERANCE_OF_AVERAGES,
+            (_, "ltc.m00") => TOLERANCE_OF_FITS,
+            (_, "ltc-m22.m00") => TOLERANCE_OF_LARGE_FITS,
+            (1, _) => TOLERANCE_OF_CURVES,
             _ => TOLERANCE,
         };
         Settings { tolerance: Some(tolerance), ..Settings::default() }
@@ -298,22 +312,28 @@ pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f6
 }
 
 impl Master {
+    /// Of values at every node, the first parameter fastest, all quantities of a node together.
+    pub(super) fn new(definition: Definition, values: &[f64]) -> Self {
+        let n_quantities = definition.quantities().len();
+        let plane = |q| values.chunks_exact(n_quantities).map(|node| node[q]).collect();
+        Self { planes: (0..n_quantities).map(plane).collect(), definition }
+    }
+
     /// Quantity `q` at every node, the first parameter fastest.
-    pub fn plane(&self, q: usize) -> Vec<f64> {
-        let n_quantities = self.definition.quantities().len();
-        self.values.chunks_exact(n_quantities).map(|node| node[q]).collect()
+    pub fn plane(&self, q: usize) -> &[f64] {
+        &self.planes[q]
     }
 
     /// Quantity `q` at every texel of a grid that is the product of the taps along each parameter, the first fastest.
     pub fn grid(&self, q: usize, taps: &[Vec<Taps>]) -> Vec<f64> {
         // One parameter after the other, from the last: each shrinks the grid to what is asked for.
-        let mut values = self.plane(q);
+        let mut values = Cow::Borrowed(self.plane(q));
         let mut sizes: Vec<usize> = self.definition.nodes.iter().map(|a| a.size).collect();
         for dimension in (0..sizes.len()).rev() {
-            values = along(&values, &sizes, dimension, &taps[dimension]);
+            values = along(&values, &sizes, dimension, &taps[dimension]).into();
             sizes[dimension] = taps[dimension].len();
         }
-        values
+        values.into_owned()
     }
 }
 

@@ -8,21 +8,28 @@
 //!
 //! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
 //! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
-//! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible* when a tenth is left, whatever else may be. Otherwise it is
-//! unknown.
+//! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible*
+//! when a tenth is left, whatever else may be. Otherwise it is unknown.
+//!
+//! Tables that were sampled are noisy: where what is left has no pattern, all texels together tell explanations apart that leave about as
+//! much ([`Noise`]). One is *likely*, too, when any other is five standard deviations away, and the table three times as near to the best.
 
+mod apart;
 mod cache;
 mod explain;
 mod fit;
 mod hypothesis;
+mod judge;
 pub mod masters;
 mod ramp;
 mod rank;
 mod residual;
 mod search;
 mod simple;
+mod span;
 
 pub use explain::{AxisFinding, ChannelFinding, RunnerUp};
+pub use judge::Noise;
 
 use crate::claim::{Claim, ClaimedChannel};
 use crate::error::{Error, Result};
@@ -31,6 +38,7 @@ use crate::format::grid::PACKINGS;
 use crate::pack::TexelFormat;
 use crate::table::TableSpec;
 use hypothesis::{Data, Hypothesis};
+use judge::Judge;
 use rank::{rank, share_axes};
 use serde::Serialize;
 
@@ -127,6 +135,7 @@ const CLEARLY_ROUGHER: f64 = 1.3;
 ///
 /// **Errors**: too few texels, values that are mostly no numbers; those of the integrator.
 pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
+    check(grid)?;
     // Codes that all have the same fourth byte are as good as a curve.
     let codes = grid.channels.len() == 4 && grid.channel(3).windows(2).any(|w| w[0] != w[1]);
     let unpacked: Vec<(TexelFormat, Grid)> = if codes {
@@ -134,31 +143,53 @@ pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
     } else {
         vec![]
     };
-    let mut readings = vec![(grid.roughness(), None, grid)];
-    readings.extend(unpacked.iter().map(|(packing, grid)| (grid.roughness(), Some(*packing), grid)));
-    readings.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals, the file as it is
-    let smooth = CLEARLY_ROUGHER * readings[0].0;
+    let mut readings = vec![Reading::new(None, grid)];
+    readings.extend(unpacked.iter().map(|(packing, grid)| Reading::new(Some(*packing), grid)));
+    readings.sort_by(|a, b| a.roughness.total_cmp(&b.roughness)); // stable: of equals, the file as it is
+    let smooth = CLEARLY_ROUGHER * readings[0].roughness;
+    let rough = readings.split_off(readings.partition_point(|reading| reading.roughness <= smooth));
+    let judge = Judge::new()?;
     let mut best: Option<Identification> = None;
-    for (roughness, packing, grid) in readings {
+    for readings in [readings, rough] {
         // Where the factor of four bytes steps, so do the bytes: read as what they are, tables are smooth.
-        if roughness > smooth && best.as_ref().is_some_and(|best| best.confidence >= Confidence::Likely) {
+        if best.as_ref().is_some_and(|best| best.confidence >= Confidence::Likely) {
             break;
         }
-        let found = Identification { packing, ..identify_numbers(grid, options)? };
-        // Of readings that explain nothing, the file as it is.
-        let rank = |i: &Identification| match i.confidence {
-            Confidence::Unknown => (i.confidence, if i.packing.is_none() { 1.0 } else { 0.0 }),
-            sure => (sure, -i.times_rounding()),
-        };
-        if best.as_ref().is_none_or(|best| rank(&found) > rank(best)) {
-            best = Some(found);
+        for found in identified(&readings, options, &judge)? {
+            // Of readings that explain nothing, the file as it is.
+            let rank = |i: &Identification| match i.confidence {
+                Confidence::Unknown => (i.confidence, if i.packing.is_none() { 1.0 } else { 0.0 }),
+                sure => (sure, -i.times_rounding()),
+            };
+            if best.as_ref().is_none_or(|best| rank(&found) > rank(best)) {
+                best = Some(found);
+            }
         }
     }
     best.ok_or_else(|| Error::invalid("a table of nothing", "give one with texels"))
 }
 
-fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
-    let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
+/// A file's numbers, read in one of the ways that its bytes allow.
+struct Reading<'a> {
+    packing: Option<TexelFormat>,
+    grid: &'a Grid,
+    roughness: f64,
+    /// Which channels vary.
+    varying: Vec<usize>,
+    channels: Vec<Data>,
+}
+
+impl<'a> Reading<'a> {
+    fn new(packing: Option<TexelFormat>, grid: &'a Grid) -> Self {
+        let sizes: Vec<usize> = grid.size.into_iter().filter(|&s| s > 1).collect();
+        let data = (0..grid.channels.len()).filter_map(|c| Some((c, channel_data(grid, c, &sizes)?)));
+        let (varying, channels) = data.unzip();
+        Self { packing, grid, roughness: grid.roughness(), varying, channels }
+    }
+}
+
+/// Whether there is enough to go by.
+fn check(grid: &Grid) -> Result<()> {
     let [width, height, layers] = grid.size;
     if (2..FEWEST_ALONG).contains(&layers) && width.min(height) >= FEWEST_ALONG {
         return Err(Error::unsupported(
@@ -166,7 +197,7 @@ fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
             format!("look at each by itself, --layer 0 to --layer {}", layers - 1),
         ));
     }
-    if grid.texels() < FEWEST_TEXELS || sizes.iter().any(|&s| s < FEWEST_ALONG) {
+    if grid.texels() < FEWEST_TEXELS || grid.size.iter().any(|s| (2..FEWEST_ALONG).contains(s)) {
         return Err(Error::unsupported(
             format!("{}, too few to tell a table by", grid.summary()),
             format!(
@@ -174,7 +205,6 @@ fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
             ),
         ));
     }
-    let data: Vec<Option<Data>> = (0..grid.channels.len()).map(|c| channel_data(grid, c, &sizes)).collect();
     for (c, channel) in grid.channels.iter().enumerate() {
         let bad = grid.channel(c).iter().filter(|v| !v.is_finite()).count();
         if 2 * bad > grid.texels() {
@@ -184,11 +214,25 @@ fn identify_numbers(grid: &Grid, options: &Options) -> Result<Identification> {
             ));
         }
     }
-    let varying: Vec<usize> = (0..data.len()).filter(|&c| data[c].is_some()).collect();
-    let channels: Vec<Data> = data.iter().flatten().cloned().collect();
-    let mut ranked = rank(&channels, sizes.len(), options)?;
-    share_axes(&mut ranked, &channels, options);
-    explain::explain(grid, &varying, &channels, ranked)
+    Ok(())
+}
+
+/// What each of some readings of one file is found to hold.
+fn identified(readings: &[Reading], options: &Options, judge: &Judge) -> Result<Vec<Identification>> {
+    let all: Vec<Data> = readings.iter().flat_map(|reading| reading.channels.clone()).collect();
+    let n_axes = all.first().map_or(0, |data| data.sizes.len());
+    let mut admitted = match n_axes {
+        0 => vec![],
+        n => simple::admitted(&all, &masters::load(n, options.cache)?),
+    };
+    let mut found = vec![];
+    for Reading { packing, grid, varying, channels, .. } in readings {
+        let rest = admitted.split_off(channels.len().min(admitted.len()));
+        let mut ranked = rank(channels, std::mem::replace(&mut admitted, rest), n_axes, options, judge)?;
+        share_axes(&mut ranked, channels, options, judge);
+        found.push(Identification { packing: *packing, ..explain::explain(grid, varying, channels, ranked, judge)? });
+    }
+    Ok(found)
 }
 
 /// The channel's numbers; `None` for a constant.

@@ -99,6 +99,20 @@ impl Ramp {
         Self { first: low + 0.5 * step, step, ..self }
     }
 
+    /// The same with its texels where those of a larger table are, nothing where none of up to four times as many is near: who cuts a table cuts it
+    /// between texels.
+    pub fn cut_from_larger(self) -> Option<Self> {
+        let whole = (1.0 / self.step).round();
+        let place = |first: f64| (first * whole - 0.5).round();
+        let cut = Self { first: (place(self.first) + 0.5) / whole, step: 1.0 / whole, ..self };
+        let is_cut = whole > self.size as f64 && whole <= 4.0 * self.size as f64;
+        let is_within = cut.first > 0.0 && cut.first + cut.step * (self.size as f64 - 1.0) < 1.0;
+        let last = |ramp: &Self| ramp.first + ramp.step * (ramp.size as f64 - 1.0);
+        // Nearer than a quarter of its texels at both ends.
+        let is_near = (cut.first - self.first).abs().max((last(&cut) - last(&self)).abs()) < 0.25 / whole;
+        (is_cut && is_within && is_near).then_some(cut)
+    }
+
     /// How many numbers it takes to say where the texels are, beyond where they are in a right table.
     pub fn n_numbers(&self) -> usize {
         let of_place = match self.place() {
@@ -167,7 +181,9 @@ impl Ramp {
             None if self.shift().is_some() => axis,
             None => {
                 let ends = [self.first - 0.5 * self.step, self.first + self.step * (self.size as f64 - 0.5)];
-                let tidy = |v: f64| if v.is_finite() { (v * 1e5).round() / 1e5 } else { v };
+                let is_cut = self.warp == Warp::Linear && self.cut_from_larger() == Some(*self);
+                let digits = if is_cut { 1e9 } else { 1e5 };
+                let tidy = |v: f64| if v.is_finite() { (v * digits).round() / digits } else { v };
                 let [a, b] = ends.map(|part| tidy(self.at(part)));
                 if a == b { axis } else { Axis { range: range(a.min(b), a.max(b)), ..axis } }
             }

@@ -1,29 +1,18 @@
 //! Which hypotheses explain a channel best: found and fitted by masters, judged by quadrature.
 
 use super::fit;
-use super::hypothesis::{self, Data, Hypothesis};
+use super::hypothesis::{Data, Hypothesis};
+use super::judge::{Judge, Ranked};
 use super::search::{self, Arrangement};
 use super::simple;
 use super::{Options, masters};
 use crate::claim::Curve;
-use crate::error::{Error, Result};
-use crate::integrate::{Integration, Settings};
-use crate::table::quantity::evaluate_family;
+use crate::error::Result;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Hypotheses of a channel that are fitted.
 const FITTED: usize = 14;
-/// Texels along each dimension at which a hypothesis is judged by quadrature at most, and one whose integrals are dear.
-const JUDGED: [usize; 3] = [128, 48, 12];
-const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 6];
-/// What values may be off by when hypotheses are judged by them.
-const JUDGED_TO: f64 = 1e-6;
-/// Families whose values take longest, by their masters.
-const DEAR: [&str; 4] = ["dielectric.albedo", "dielectric.albedo_avg", "compensation.none", "layered.albedo"];
-/// What is left by the masters, in parts of a channel's variation, above which quadrature has nothing to add: it will not be believed.
-const NOT_TO_BE_BELIEVED: f64 = 0.25;
-
 /// Residuals, in parts of a channel's variation, below which no further masters are asked.
 const GOOD: f64 = 0.01;
 /// What rounding leaves, in parts of a channel's variation, above which it is coarse.
@@ -33,61 +22,23 @@ const NEARLY_GOOD: f64 = 0.1;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
 
-/// A hypothesis, what it costs by the masters, and its residuals by quadrature.
-#[derive(Debug, Clone)]
-pub struct Ranked {
-    pub hypothesis: Hypothesis,
-    pub cost: f64,
-    /// Root mean square of what is left, in stored units, by quadrature.
-    pub rms: f64,
-    /// The same without the worst tenth.
-    pub trimmed: f64,
-    /// What it says of the texels at which it was judged, and what that may be off by; empty where it is not to be believed.
-    pub says: Vec<(f64, f64)>,
-    /// The part of them at which the file has another number than correct rounding would give.
-    pub misrounded: f64,
-    /// Whether it is as good as the best, but not over the axes that more of the table's channels are explained over.
-    pub disagrees: bool,
-}
-
-impl Ranked {
-    /// What it leaves by quadrature, with the price that the masters' residual had.
-    fn exact_cost(&self, data: &Data) -> f64 {
-        let price = self.cost / (self.hypothesis.residual + hypothesis::MASTER_ERROR + data.rounding);
-        (self.trimmed + data.rounding + JUDGED_TO) * price
-    }
-
-    /// Whether every texel is the correct rounding of what it says, as far as quadrature tells.
-    pub fn is_exact(&self) -> bool {
-        !self.says.is_empty() && self.misrounded == 0.0
-    }
-
-    /// Whether both say the same of every texel, as far as quadrature tells.
-    pub fn same_numbers(&self, other: &Self) -> bool {
-        let pairs = || self.says.iter().zip(&other.says);
-        // Errors of Monte Carlo are standard errors: four of their sum, so that hardly one in ten thousand is farther off by chance.
-        let near = |((a, a_error), (b, b_error)): (&(f64, f64), &(f64, f64))| {
-            (a.is_nan() && b.is_nan()) || (a - b).abs() <= 2.0 * JUDGED_TO + 4.0 * (a_error + b_error)
-        };
-        !self.says.is_empty() && self.says.len() == other.says.len() && pairs().all(near)
-    }
-
-    /// Whether another channel of the same table, of which it is certain what it holds, leaves `other` as a rival: it does where this one
-    /// stands for other places or another model than that channel, or where `other` stands for the same and is another quantity.
-    pub fn is_rivalled_by(&self, other: &Self, certain: &Self) -> bool {
-        let model = |r: &Self| r.hypothesis.master.definition.model;
-        let is_known = |r: &Self| r.hypothesis.ramps == certain.hypothesis.ramps && model(r) == model(certain);
-        !is_known(self) || is_known(other)
-    }
-}
-
-/// The best hypotheses of each channel, fitted and judged, the best first.
-pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<Vec<Ranked>>> {
+/// The best hypotheses of each channel, fitted and judged, the best first; `admitted` is what [`simple::admitted`] finds of them.
+pub fn rank(
+    channels: &[Data],
+    admitted: Vec<[Vec<Hypothesis>; 2]>,
+    n_axes: usize,
+    options: &Options,
+    judge: &Judge,
+) -> Result<Vec<Vec<Ranked>>> {
     if n_axes == 0 || channels.is_empty() {
         return Ok(vec![vec![]; channels.len()]);
     }
     let mut fitted: Vec<Vec<(Hypothesis, f64)>> = vec![vec![]; channels.len()];
-    let mut exact = exactly_and_simply(channels, masters::load(n_axes, options.cache)?)?;
+    let mut exact: Vec<Vec<Ranked>> = admitted
+        .into_iter()
+        .zip(channels)
+        .map(|(admitted, data)| exactly_and_simply(admitted, data, judge))
+        .collect::<Result<_>>()?;
     // Cropped tables, curves, and tables with a parameter fixed are looked into only where nothing simpler explains the channel.
     let rounds: [(usize, &[Curve], Arrangement); 4] = [
         (n_axes, &[Curve::Plain], Arrangement::Whole),
@@ -104,7 +55,7 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
         let mut open = vec![];
         for c in 0..channels.len() {
             let is_explained = !fitted[c].is_empty() && !exact[c].is_empty();
-            if !is_explained && is_open(&fitted[c], &channels[c])? {
+            if !is_explained && is_open(&fitted[c], &channels[c], judge)? {
                 open.push(c);
             }
         }
@@ -118,12 +69,21 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
             let choice = fit::fine(&data.sizes);
             if n_axes == 3 && exact[c].is_empty() {
                 // Of volumes not all places and warps were tried.
-                let near: Vec<(Hypothesis, f64)> =
+                let mut near: Vec<(Hypothesis, f64)> =
                     hypotheses.par_iter().map(|h| simple::nearest(h, data, &choice)).collect();
-                exact[c] = exact_among(near.clone(), data)?;
+                exact[c] = exact_among(near.clone(), data, judge)?;
+                // One dimension after the other may lead astray: of the nearest all are tried together.
+                near.sort_by(|a, b| a.1.total_cmp(&b.1));
+                for i in 0..TRIED_EVERYWHERE.min(near.len()) {
+                    if exact[c].is_empty() && near[i].0.relative(data) <= NEARLY_GOOD {
+                        let tried = simple::everywhere(&near[i].0, data);
+                        exact[c] = exact_among(tried.clone(), data, judge)?;
+                        near.extend(tried.into_iter().take(SECOND));
+                    }
+                }
                 let beside =
                     exact[c].iter().flat_map(|found| simple::beside(&found.hypothesis, data, &choice)).collect();
-                exact[c].extend(exact_among(beside, data)?);
+                exact[c].extend(exact_among(beside, data, judge)?);
                 if !exact[c].is_empty() {
                     fitted[c].extend(near);
                     fitted[c].sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -154,13 +114,13 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
                 let many = exact.is_empty() && cost <= NEARLY_AS_CHEAP * first;
                 let most = if many { MOST } else { SECOND };
                 if ranked.len() < most && !ranked.iter().any(same) {
-                    ranked.push(judged(hypothesis, cost, data)?);
+                    ranked.push(judge.judged(hypothesis, cost, data)?);
                 }
             }
             if let Some(simple) = ranked.first().and_then(|best| best.hypothesis.at_simple_places()) {
                 let choice = fit::fine(&data.sizes);
                 let (simple, cost) = fit::resettle(&simple, data, &choice);
-                let simple = judged(simple, cost, data)?;
+                let simple = judge.judged(simple, cost, data)?;
                 if simple.exact_cost(data) <= ranked[0].exact_cost(data) {
                     ranked[0] = simple;
                 }
@@ -185,30 +145,23 @@ pub fn rank(channels: &[Data], n_axes: usize, options: &Options) -> Result<Vec<V
     Ok(ranked)
 }
 
-/// Explanations of which every texel is the correct rounding and that have no fitted number.
-fn exactly_and_simply(channels: &[Data], masters: Vec<Arc<masters::Master>>) -> Result<Vec<Vec<Ranked>>> {
-    let exact = |channels: &[Data], curved| -> Result<Vec<Vec<Ranked>>> {
-        let found = simple::simple(channels, &masters, curved).into_iter().zip(channels);
-        found.map(|(found, data)| exact_among(found, data)).collect()
-    };
-    let mut all = exact(channels, false)?;
+/// Of what a channel's texels admit, explanations of which every texel is the correct rounding and that have no fitted number.
+fn exactly_and_simply([plain, curved]: [Vec<Hypothesis>; 2], data: &Data, judge: &Judge) -> Result<Vec<Ranked>> {
+    let mut exact = exact_among(simple::simple(plain, data), data, judge)?;
     // Curves only where nothing plain is exact, or where there are so few texels that it may be so by chance.
-    let is_open = |c: &usize| all[*c].is_empty() || channels[*c].sizes.len() == 1;
-    let open: Vec<usize> = (0..channels.len()).filter(is_open).collect();
-    let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
-    for (c, mut curved) in open.into_iter().zip(exact(&data, true)?) {
-        all[c].append(&mut curved);
+    if exact.is_empty() || data.sizes.len() == 1 {
+        exact.append(&mut exact_among(simple::simple(curved, data), data, judge)?);
     }
-    Ok(all)
+    Ok(exact)
 }
 
 /// Those of which every texel is the correct rounding.
-fn exact_among(found: Vec<(Hypothesis, f64)>, data: &Data) -> Result<Vec<Ranked>> {
+fn exact_among(found: Vec<(Hypothesis, f64)>, data: &Data, judge: &Judge) -> Result<Vec<Ranked>> {
     let exact = |(hypothesis, cost): (Hypothesis, f64)| {
-        if is_refuted(&hypothesis, data)? {
+        if judge.is_refuted(&hypothesis, data)? {
             return Ok(None);
         }
-        Ok(Some(judged(hypothesis, cost, data)?).filter(Ranked::is_exact))
+        Ok(Some(judge.judged(hypothesis, cost, data)?).filter(Ranked::is_exact))
     };
     Ok(found.into_par_iter().map(exact).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
 }
@@ -244,13 +197,13 @@ fn agree(ranked: &mut [Vec<Ranked>]) {
 }
 
 /// Whether it is worth while to look further for what explains a channel, of which `fitted` are the best explanations so far.
-fn is_open(fitted: &[(Hypothesis, f64)], data: &Data) -> Result<bool> {
+fn is_open(fitted: &[(Hypothesis, f64)], data: &Data, judge: &Judge) -> Result<bool> {
     let Some((best, cost)) = fitted.first() else { return Ok(true) };
     let left = best.relative(data);
     if left <= GOOD {
         // Where rounding is coarse, much comes as near as that: what every texel is the correct rounding of may be found yet.
         let is_coarse = data.rounding > COARSE * data.spread;
-        return Ok(is_coarse && !judged(best.clone(), *cost, data)?.is_exact());
+        return Ok(is_coarse && !judge.judged(best.clone(), *cost, data)?.is_exact());
     }
     if left.is_nan() || left >= HOPELESS {
         return Ok(false);
@@ -262,7 +215,7 @@ fn is_open(fitted: &[(Hypothesis, f64)], data: &Data) -> Result<bool> {
     let choice = fit::fine(&data.sizes);
     let at_simple_places = best.at_simple_places().map(|simple| fit::resettle(&simple, data, &choice));
     let (hypothesis, cost) = at_simple_places.unwrap_or_else(|| (best.clone(), *cost));
-    Ok(judged(hypothesis, cost, data)?.trimmed > GOOD * data.spread)
+    Ok(judge.judged(hypothesis, cost, data)?.trimmed > GOOD * data.spread)
 }
 
 /// Brings to the front what quadrature says is best.
@@ -282,6 +235,8 @@ fn put_best_first(ranked: &mut [Ranked], data: &Data) {
     }
 }
 
+/// Hypotheses of a volume's channel of which all ramps are tried, if none is exact.
+const TRIED_EVERYWHERE: usize = 2;
 /// Hypotheses of a channel that are judged by quadrature, and how many where they cost about the same.
 const SECOND: usize = 3;
 const MOST: usize = 10;
@@ -296,98 +251,6 @@ fn says(h: &Hypothesis) -> String {
     format!("{} {model:?} {ramps:?} {:?}", h.master.definition.quantities()[h.quantity].name, h.encoding.curve)
 }
 
-/// What a hypothesis says of a texel as it is stored, before it is rounded, and what that may be off by.
-fn at_texel(hypothesis: &Hypothesis, data: &Data, texel: usize, integration: &Integration) -> Result<(f64, f64)> {
-    let definition = &hypothesis.master.definition;
-    let (mut rest, mut at) = (texel, definition.at);
-    for (ramp, &size) in hypothesis.ramps.iter().zip(&data.sizes) {
-        at.set(ramp.parameter, ramp.value(rest % size));
-        rest /= size;
-    }
-    if let (Some(free), Some(last)) = (hypothesis.free, definition.nodes.last()) {
-        at.set(last.parameter, free);
-    }
-    let (exact, error) = match evaluate_family(definition.handle.family, &at, &definition.model, integration) {
-        Ok(estimates) => (estimates[hypothesis.quantity].value, estimates[hypothesis.quantity].error),
-        Err(Error::Unsupported(_)) => (f64::NAN, 0.0), // it diverges there
-        Err(other) => return Err(other),
-    };
-    let stored = hypothesis.encoding.encode(exact);
-    Ok((stored, (hypothesis.encoding.encode(exact + error) - stored).abs()))
-}
-
-/// Whether a texel is not the correct rounding of what is said of it.
-fn is_off((says, error): (f64, f64), data: &Data, texel: usize) -> bool {
-    (says - data.values[texel]).abs() > 0.5 * data.steps[texel] + 2.0 * JUDGED_TO + error
-}
-
-/// Texels that are looked at before all are, and where their values take longest: most explanations fail at one of the first.
-const FIRST_LOOK: usize = 256;
-const FIRST_LOOK_IF_DEAR: usize = 48;
-
-/// Whether one of some texels is not the correct rounding of what is said of it.
-fn is_refuted(hypothesis: &Hypothesis, data: &Data) -> Result<bool> {
-    let definition = &hypothesis.master.definition;
-    if !definition.handle.family.has_quadrature() {
-        return Ok(true); // as far as chance tells, nothing is exact
-    }
-    let integration = Integration::new(Settings { tolerance: Some(JUDGED_TO), ..Settings::default() })?;
-    let n = data.values.len();
-    let look = if DEAR.contains(&definition.handle.quantity.name) { FIRST_LOOK_IF_DEAR } else { FIRST_LOOK };
-    // Far apart from each other, and in all rows and columns.
-    let share_none = |step: &usize| (2..=*step).all(|d| !step.is_multiple_of(d) || !n.is_multiple_of(d));
-    let step = (n * 5 / 8..n).find(share_none).unwrap_or(1);
-    for k in 0..n.min(look) {
-        let texel = k * step % n;
-        if is_off(at_texel(hypothesis, data, texel, &integration)?, data, texel) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
-}
-
-/// The hypothesis with its residuals by quadrature.
-fn judged(hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
-    if hypothesis.relative(data) > NOT_TO_BE_BELIEVED {
-        let left = hypothesis.residual;
-        return Ok(Ranked {
-            hypothesis,
-            cost,
-            rms: left,
-            trimmed: left,
-            says: vec![],
-            misrounded: 1.0,
-            disagrees: false,
-        });
-    }
-    let definition = &hypothesis.master.definition;
-    let family = definition.handle.family;
-    let dear = DEAR.contains(&definition.handle.quantity.name) || !family.has_quadrature();
-    let most = if dear { JUDGED_IF_DEAR } else { JUDGED };
-    let choice = hypothesis::choice(&data.sizes, most[data.sizes.len() - 1]);
-    let settings = Settings {
-        tolerance: Some(JUDGED_TO),
-        samples: (!family.has_quadrature()).then_some(4096),
-        ..Settings::default()
-    };
-    let settings = if settings.samples.is_some() { Settings { tolerance: None, ..settings } } else { settings };
-    let integration = Integration::new(settings)?;
-    let texels = hypothesis::indices(&data.sizes, &choice);
-    let says: Vec<(f64, f64)> =
-        texels.par_iter().map(|&texel| at_texel(&hypothesis, data, texel, &integration)).collect::<Result<_>>()?;
-    let off = |(says, &texel): (&(f64, f64), &usize)| ((says.0 - data.values[texel]).abs(), is_off(*says, data, texel));
-    let offs: Vec<(f64, bool)> = says.iter().zip(&texels).map(off).filter(|(off, _)| off.is_finite()).collect();
-    let misrounded = offs.iter().filter(|(_, far)| *far).count() as f64 / offs.len().max(1) as f64;
-    let mut squares: Vec<f64> = offs.iter().map(|(off, _)| off * off).collect();
-    if 2 * squares.len() < texels.len() {
-        squares = vec![f64::INFINITY]; // where it has no value it explains nothing
-    }
-    squares.sort_by(f64::total_cmp);
-    let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
-    let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
-    Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, says, misrounded, disagrees: false })
-}
-
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
 const SHARED_IS_AS_GOOD: f64 = 1.5;
 
@@ -396,7 +259,7 @@ const NOT_WORTH_A_LOOK: f64 = 10.0;
 
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well.
-pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options) {
+pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options, judge: &Judge) {
     let relative = |c: usize, r: &Ranked| (r.trimmed + channels[c].rounding) / channels[c].spread;
     let surest = (0..ranked.len())
         .filter_map(|c| Some((c, relative(c, ranked[c].first()?))))
@@ -452,14 +315,14 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Optio
                 new.is_exact() || (as_cheap && !own.is_exact())
             })
         };
-        if !hopeless && let Some(new) = judged(hypothesis, cost, data).ok().filter(as_good) {
+        if !hopeless && let Some(new) = judge.judged(hypothesis, cost, data).ok().filter(as_good) {
             let is_other = |r: &Ranked| r.is_exact() && r.hypothesis.ramps != new.hypothesis.ramps;
             list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis) || is_other(r));
             // What comes second over the same axes is a rival, too.
             shared.sort_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((second, cost)) = shared.into_iter().next()
                 && !list.iter().any(|r| r.hypothesis.ramps == second.ramps && says(&r.hypothesis) == says(&second))
-                && let Ok(second) = judged(second, cost, data)
+                && let Ok(second) = judge.judged(second, cost, data)
             {
                 list.push(second);
             }

@@ -213,7 +213,7 @@ fn try_all(
     };
     let sizes: Vec<usize> = nodes.iter().map(|a| a.size).collect();
     for quantity in 0..master.definition.quantities().len() {
-        each_prediction(&lookups, &master.plane(quantity), &sizes, &mut |chosen, predicted| {
+        each_prediction(&lookups, master.plane(quantity), &sizes, &mut |chosen, predicted| {
             trial.judge(quantity, chosen, predicted);
         });
     }

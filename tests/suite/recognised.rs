@@ -289,6 +289,16 @@ fn channels_that_are_stored_together_are_told_apart() {
     assert!(found.confidence >= Confidence::Likely, "{format}: {found:#?}");
 }
 
+#[test]
+fn channels_over_other_axes_than_their_neighbours_are_baked_by_one_command() {
+    let (axes, format) = ("roughness:12:edge:+cos_centre,mu:10:sqrt-one-minus:edge:+sin2_radius", "ktx2:rgba32f");
+    let found = found(&baked("ltc-amplitude", axes, &[], format));
+    let quantities: Vec<&str> = found.channels.iter().filter_map(|c| c.quantity.as_deref()).collect();
+    assert_eq!(quantities, ["ggx.albedo", "ggx.bias", "sphere.clipped"], "{found:#?}");
+    assert_eq!(found.commands, [format!("kiln table ltc-amplitude --axes {axes} -o ltc-amplitude.exr")]);
+    assert!(found.confidence >= Confidence::Likely, "{found:#?}");
+}
+
 /// What a table does not tell is said not to be told.
 #[test]
 fn explanations_that_come_to_the_same_numbers_are_all_named() {
