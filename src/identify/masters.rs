@@ -289,11 +289,12 @@ pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f6
     let (from, to) = (sizes[d], taps.len());
     if d == 0 && from >= 4 {
         // Lines of one number each: four at a time instead.
-        let mut shrunk = Vec::with_capacity(to * outer);
-        for line in values.chunks_exact(from) {
-            for tap in taps {
-                let ([a, b, c, d], w) = (&line[tap.first..tap.first + 4], &tap.weights) else { continue };
-                shrunk.push(a * w[0] + b * w[1] + c * w[2] + d * w[3]);
+        let mut shrunk = vec![0.0; to * outer];
+        for (line, out) in values.chunks_exact(from).zip(shrunk.chunks_exact_mut(to)) {
+            for (out, Taps { first, weights: w }) in out.iter_mut().zip(taps) {
+                if let Some([a, b, c, d]) = line.get(*first..).and_then(|rest| rest.first_chunk()) {
+                    *out = a * w[0] + b * w[1] + c * w[2] + d * w[3];
+                }
             }
         }
         return shrunk;
@@ -302,6 +303,16 @@ pub fn along(values: &[f64], sizes: &[usize], d: usize, taps: &[Taps]) -> Vec<f6
     for o in 0..outer {
         for (t, tap) in taps.iter().enumerate() {
             let out = &mut shrunk[(o * to + t) * stride..][..stride];
+            let lines = [0, 1, 2, 3].map(|k| values.get((o * from + tap.first + k) * stride..));
+            if from >= 4
+                && let [Some(a), Some(b), Some(c), Some(d)] = lines
+            {
+                let w = &tap.weights;
+                for ((((out, a), b), c), d) in out.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                    *out = a * w[0] + b * w[1] + c * w[2] + d * w[3];
+                }
+                continue;
+            }
             for (k, &weight) in tap.weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
                 let line = &values[(o * from + tap.first + k) * stride..][..stride];
                 out.iter_mut().zip(line).for_each(|(out, v)| *out += weight * v);

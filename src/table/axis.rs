@@ -385,7 +385,7 @@ mod tests {
         for axis in every_axis() {
             let ends = (axis.value(0), axis.value(axis.size - 1));
             let (low, high) = axis.ends();
-            let falls = matches!(axis.warp, Warp::Acos | Warp::SqrtOneMinus);
+            let falls = matches!(axis.warp, Warp::Acos | Warp::SqrtOneMinus | Warp::Reciprocal { .. });
             let wanted = if axis.flip != falls { (high, low) } else { (low, high) };
             assert_eq!(ends == wanted, axis.sampling == Sampling::Edge, "{axis}: ends {ends:?}");
         }

@@ -19,15 +19,20 @@ use std::path::Path;
 const AXIS: usize = 4;
 const CUBE: usize = 16;
 
+/// Whether each texel is a fit, which takes its time.
+fn is_fit(channels: &[String]) -> bool {
+    channels.iter().any(|channel| channel.starts_with("ltc"))
+}
+
 /// The preset with small tables and cubes.
 fn small(engine: &'static Engine, input: &str, as_shipped: bool) -> Recipe {
     let mut recipe = engine::recipe(&[engine], &[input.to_owned()], as_shipped).expect("a preset");
     for table in &mut recipe.tables {
-        let size = if table.axes.len() == 3 { AXIS / 2 } else { AXIS };
+        let size = if table.axes.len() == 3 || is_fit(&table.channels) { AXIS / 2 } else { AXIS };
         table.axes.iter_mut().for_each(|axis| axis.size = size);
     }
     for layer in recipe.arrays.iter_mut().flat_map(|array| &mut array.layers) {
-        layer.axes.iter_mut().for_each(|axis| axis.size = AXIS);
+        layer.axes.iter_mut().for_each(|axis| axis.size = AXIS / 2);
     }
     for environment in &mut recipe.environments {
         let preset = engine.environment.as_ref().expect("an environment");

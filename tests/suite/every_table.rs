@@ -52,20 +52,24 @@ fn values(recipe: &TableRecipe, baked: &Baked) -> Vec<f32> {
 #[test]
 fn every_named_table_is_the_same_by_both_integrators() {
     for table in TABLES {
-        let size = if table.axes.len() == 3 { 3 } else { 5 };
+        // (A fit takes its time.)
+        let size = if table.axes.len() == 3 || table.name.starts_with("ltc") { 3 } else { 5 };
         let deterministic = small(table.name, size, Settings::default());
         let settings = Settings { integrator: Integrator::MonteCarlo, samples: Some(1 << 13), ..Settings::default() };
         let random = small(table.name, size, settings);
-        let (a, b) = (bake(&deterministic), bake(&random));
+        // (A bake would ask the random witness again.)
+        let integration = Integration::new(deterministic.integration).expect("settings");
+        let a = deterministic.spec().expect("a table").bake(&integration, &|_| {}).expect("in the domain");
+        let b = bake(&random);
         let n = table.channels.len();
-        for (i, (x, y)) in values(&deterministic, &a).into_iter().zip(values(&random, &b)).enumerate() {
-            let (c, d) = (&a.certificate.channels[i % n], &b.certificate.channels[i % n]);
-            let tolerance = c.max_error + SIGMAS * d.max_error + f64::from(f32::EPSILON * x.abs());
-            let off = f64::from((x - y).abs());
+        for (i, ((x, error), y)) in a.values.iter().zip(&a.errors).zip(values(&random, &b)).enumerate() {
+            let drawn = &b.certificate.channels[i % n];
+            let tolerance = error + SIGMAS * drawn.max_error + f64::from(f32::EPSILON) * x.abs();
+            let off = (x - f64::from(y)).abs();
             assert!(
                 off <= tolerance,
                 "{} texel {}: {x} by quadrature, {y} by samples, {tolerance:e}",
-                c.quantity,
+                drawn.quantity,
                 i / n
             );
         }

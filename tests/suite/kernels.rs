@@ -100,7 +100,7 @@ fn kernels_narrower_than_a_texel_are_within_1e_4_of_the_full_sum() {
         .into_iter()
         .flat_map(|kind| [1e-4, 3.9e-3, 0.012].map(|alpha| Kernel::of(kind, alpha)))
         .collect();
-    let beside = [1e-3, 0.024, 0.049, 0.07, 0.15, 0.4, 1.0, std::f64::consts::FRAC_PI_2];
+    let beside = [1e-3, 0.024, 0.049, 0.15, 0.6, std::f64::consts::FRAC_PI_2];
     for panorama in [lit([48, 24], 5, (0, 23)), night([48, 24], (11, 15)), lit([10, 5], 6, (8, 2))] {
         assert_goal(&panorama, &kernels, &aims(&panorama, &beside));
     }

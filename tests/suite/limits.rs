@@ -239,8 +239,8 @@ fn monte_carlo_agrees_with_quadrature_within_its_standard_error() {
     for seed in 0..2 {
         let integration = random(seed);
         for smith in Smith::ALL {
-            for mu in decades(-3.0, 11) {
-                for alpha in decades(-4.0, 11) {
+            for mu in decades(-3.0, 9) {
+                for alpha in decades(-4.0, 9) {
                     let truth = split(mu, alpha, smith, &exact());
                     for (e, t) in split(mu, alpha, smith, &integration).iter().zip(truth) {
                         let z = (e.value - t.value) / e.error;
