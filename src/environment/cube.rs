@@ -62,11 +62,15 @@ pub fn edge(size: usize, index: usize) -> f64 {
     (2.0 * index as f64 - size as f64) / size as f64
 }
 
+/// Position of the centre of a texel between its edges.
+pub(super) fn centre(size: usize, index: usize) -> f64 {
+    (2.0 * index as f64 + 1.0 - size as f64) / size as f64
+}
+
 /// Unit direction of the centre of texel `index` of a cube of this size, counted as [`Cube::texels`] is.
 pub fn texel_direction(size: usize, index: usize) -> DVec3 {
-    let centre = |i: usize| (2.0 * i as f64 + 1.0 - size as f64) / size as f64;
     let (face, row, column) = (index / (size * size), index / size % size, index % size);
-    face_point(face, centre(column), centre(row)).normalize()
+    face_point(face, centre(size, column), centre(size, row)).normalize()
 }
 
 /// The face that a direction meets, and where (u right, v down). On an edge the first of x, y, z wins.

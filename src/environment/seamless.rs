@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::chain::DARK_FLOOR;
-use super::cube::{Cube, FACES, face_point, locate, nearest_texel, texel_direction};
+use super::cube::{Cube, FACES, centre, face_point, locate, nearest_texel, texel_direction};
 use super::orientation::Orientation;
 use super::sphere_map::SphereMap;
 use super::zonal::Function;
@@ -77,7 +77,7 @@ fn texel(size: usize, face: usize, column: isize, row: isize) -> Option<usize> {
             let place = |i: isize| match i {
                 i if i < 0 => -over,
                 i if i >= n => over,
-                i => (2.0 * i as f64 + 1.0 - size as f64) / size as f64,
+                i => centre(size, i as usize),
             };
             Some(nearest_texel(size, face_point(face, place(column), place(row))))
         }

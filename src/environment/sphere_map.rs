@@ -111,7 +111,7 @@ impl SphereLayout {
 
     /// Unit direction of the centre of a texel, counted picture by picture and row by row.
     pub fn direction(self, size: usize, index: usize) -> DVec3 {
-        let centre = |i: usize| (2.0 * i as f64 + 1.0 - size as f64) / size as f64;
+        let centre = |i: usize| cube::centre(size, i);
         match self {
             Self::Cube => cube::texel_direction(size, index),
             Self::Octahedral => octahedral::point(centre(index % size), centre(index / size)).normalize(),

@@ -210,21 +210,9 @@ impl Function<'_> {
 
     /// The value at every texel of a cube. `finished` is told how many texels have been finished since its last call.
     pub fn cube(&self, size: usize, finished: &(dyn Fn(u64) + Sync)) -> Cube {
+        let Some((_, _, rings)) = &self.rings else { return self.zonal.exact.filter(size, &self.kernel, finished) };
         let mut texels = vec![[0.0; 3]; 6 * size * size];
-        match &self.rings {
-            Some((_, _, rings)) => self.fill_faces(rings, size, &mut texels, finished),
-            None => {
-                self.zonal.exact.prepare();
-                texels.par_chunks_mut(size).enumerate().for_each(|(line, out)| {
-                    for (column, texel) in out.iter_mut().enumerate() {
-                        let value =
-                            self.zonal.exact.evaluate(texel_direction(size, line * size + column), &self.kernel);
-                        *texel = value.map(|v| v as f32);
-                    }
-                    finished(size as u64);
-                });
-            }
-        }
+        self.fill_faces(rings, size, &mut texels, finished);
         Cube { size, texels }
     }
 

@@ -6,8 +6,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::synthesis::{Rings, TAPS, centre};
-use crate::environment::cube::face_point;
+use super::synthesis::{Rings, TAPS};
+use crate::environment::cube::{centre, face_point};
 
 /// Faces beside the equator, and (azimuth of their middle + π)/2π.
 pub(super) const SIDES: [(usize, f64); 4] = [(0, 0.5), (1, 1.0), (4, 0.75), (5, 0.25)];

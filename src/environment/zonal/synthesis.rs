@@ -9,6 +9,7 @@ use super::analysis::{Coefficients, PARTS};
 use super::fft::{Complex, Fft};
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, scale_add, sub};
 use super::legendre::{CHUNK, Order, Places, Walk, negligible, sectoral_norms};
+use crate::environment::cube::centre;
 
 /// Taps of the interpolation in each angle.
 pub(super) const TAPS: usize = 6;
@@ -211,11 +212,6 @@ impl PoleAngles {
         // Below they are (u, −1, −v).
         if face == 2 { [theta, 0.5 + turn] } else { [1.0 - theta, 0.5 - turn] }
     }
-}
-
-/// Where the centre of a texel lies on its face, in [−1, 1].
-pub(super) fn centre(size: usize, index: usize) -> f64 {
-    (2.0 * index as f64 + 1.0 - size as f64) / size as f64
 }
 
 /// The weights of the points −2, −1, 0, 1, 2, 3 at t in [0, 1].
