@@ -11,8 +11,8 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::fft::{Complex, Fft, separate};
-use super::lanes::{InstructionSet, LANES, V, ZERO, mul_add, scale, total};
-use super::legendre::{CHUNK, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
+use super::lanes::{InstructionSet, LANES, V, ZERO, mul_add, total};
+use super::legendre::{CHUNK, Degrees, Order, Places, Walk, add_chunk, negligible, sectoral_norms};
 use super::nodes::{Nodes, Scratch};
 use crate::math::quadrature::Rule;
 
@@ -44,6 +44,9 @@ pub(super) trait Texels: Sync {
 pub(super) enum Rows {
     /// Each by itself.
     Points(Rule),
+    /// Each by the middles of equal parts of it (a rule of equal weights). What the mean over a part's height h takes away from P̄_l^m is put back nearly: there it
+    /// oscillates at k² = l(l + 1) − m²/sin²θ, and the mean is less by sinc(kh/2) ≈ e^(−h²k²/24), 4 % off at h = π/l.
+    Middles(Rule),
     /// At fewer angles than there are rows.
     Nodes(Nodes),
 }
@@ -52,18 +55,47 @@ pub(super) enum Rows {
 struct Block {
     largest_sin: f64,
     /// Gauss points with their weights.
-    points: Vec<(Places, V)>,
-    /// For each m: (north + south), then (north − south), each as [`PARTS`].
-    spectrum: Vec<[V; 2 * PARTS]>,
+    points: Vec<Point>,
+    /// For each m: north + south, then north − south, or of both what is meant.
+    spectrum: Vec<[V; PARTS]>,
 }
 
-/// The coefficients up to a degree.
-pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions: InstructionSet) -> Coefficients {
+/// Eight places of rows, one of each.
+struct Point {
+    places: Places,
+    weights: V,
+    /// h²/24 sin²θ, where the mean over a height of h is still to be taken; else nothing.
+    flattened: V,
+}
+
+impl Point {
+    /// What the recurrence of order m starts with. No exponent counts beyond `most`: where m > l sin θ there is nothing to take.
+    #[inline(always)]
+    fn start(&self, m: usize, norm: f64, most: f64) -> Walk {
+        let m2 = (m * m) as f64;
+        let mut factor = self.weights;
+        for (factor, flattened) in factor.iter_mut().zip(self.flattened) {
+            let x = if flattened * m2 < most { flattened * m2 } else { most };
+            // eˣ to 1e-3, as x < 0.42.
+            *factor *= norm * (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0))));
+        }
+        self.places.start(m, factor)
+    }
+}
+
+/// The coefficients up to a degree; of those that are not meant, zeros.
+pub(super) fn analyse(
+    map: &dyn Texels,
+    degree: usize,
+    degrees: Degrees,
+    rows: &Rows,
+    instructions: InstructionSet,
+) -> Coefficients {
     let [width, height] = map.shape();
     // What nodes gathered, they have integrated over φ too.
     let gathered = match rows {
         Rows::Nodes(nodes) => nodes.n_columns(),
-        Rows::Points(_) => None,
+        Rows::Points(_) | Rows::Middles(_) => None,
     };
     let columns = gathered.unwrap_or(width);
     let fft = Fft::new(columns);
@@ -72,15 +104,20 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions
         None => column_factors(width, degree),
     };
     let pairs = height.div_ceil(2);
+    // h²/24 of the parts whose middles stand for them.
+    let middles = match rows {
+        Rows::Middles(rule) => (PI / (height * rule.nodes.len()) as f64).powi(2) / 24.0,
+        _ => 0.0,
+    };
     let block = |lines: &mut Lines, index: usize| -> Option<Block> {
         let (points, largest_sin) = match rows {
-            Rows::Points(rule) => {
-                let rows = index * LANES..((index + 1) * LANES).min(pairs);
-                if !rows.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
+            Rows::Points(rule) | Rows::Middles(rule) => {
+                let of_block = index * LANES..((index + 1) * LANES).min(pairs);
+                if !of_block.clone().any(|row| map.occupied(row) || map.occupied(height - 1 - row)) {
                     return None;
                 }
-                lines.read(map, rows.clone());
-                places(rows.start, height, rule, degree)
+                lines.read(map, of_block.clone());
+                points(of_block.start, height, rule, degree, middles)
             }
             Rows::Nodes(nodes) => {
                 if !nodes.occupied(map, index) {
@@ -91,17 +128,18 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions
                     || nodes.gather(map, index, &mut lines.scratch, &mut lines.channels),
                 );
                 let [cos, sin] = nodes.angles(index);
-                (vec![(Places::new(cos, sin, degree), [1.0; LANES])], sin.into_iter().fold(0.0, f64::max))
+                let point = Point { places: Places::new(cos, sin, degree), weights: [1.0; LANES], flattened: ZERO };
+                (vec![point], sin.into_iter().fold(0.0, f64::max))
             }
         };
         let spectrum = instructions.run(
             #[inline(always)]
-            || spectrum(&fft, &factors, lines),
+            || spectrum(&fft, &factors, degrees, lines),
         );
         Some(Block { largest_sin, points, spectrum })
     };
     let n_blocks = match rows {
-        Rows::Points(_) => pairs.div_ceil(LANES),
+        Rows::Points(_) | Rows::Middles(_) => pairs.div_ceil(LANES),
         Rows::Nodes(nodes) => nodes.n_blocks(),
     };
     let blocks: Vec<Block> = (0..n_blocks).into_par_iter().map_init(|| Lines::new(columns), block).flatten().collect();
@@ -113,7 +151,10 @@ pub(super) fn analyse(map: &dyn Texels, degree: usize, rows: &Rows, instructions
             let blocks: Vec<&Block> = blocks.iter().filter(|b| !negligible(degree, m, b.largest_sin)).collect();
             instructions.run(
                 #[inline(always)]
-                || analyse_order(m, degree, norms[m], &blocks),
+                || match degrees {
+                    Degrees::All => analyse_order::<1, 2>(m, (degree, degrees), [norms[m], middles], &blocks),
+                    Degrees::EvenAbove(_) => analyse_order::<2, 1>(m, (degree, degrees), [norms[m], middles], &blocks),
+                },
             )
         })
         .collect();
@@ -133,9 +174,9 @@ fn column_factors(width: usize, degree: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Gauss points of eight rows from `first` on; rows past the equator have weight zero, the equator's own row half its weight
+/// Points of eight rows from `first` on; rows past the equator have weight zero, the equator's own row half its weight
 /// (it is its own mirror image).
-fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Places, V)>, f64) {
+fn points(first: usize, height: usize, rule: &Rule, orders: usize, middles: f64) -> (Vec<Point>, f64) {
     let points = rule.nodes.len();
     let n = height as f64;
     let (mut cos, mut sin, mut weights) = (vec![ZERO; points], vec![[1.0; LANES]; points], vec![ZERO; points]);
@@ -159,8 +200,12 @@ fn places(first: usize, height: usize, rule: &Rule, orders: usize) -> (Vec<(Plac
         }
         weights.iter_mut().for_each(|w| w[lane] *= share / sum);
     }
-    let places = (0..points).map(|k| (Places::new(cos[k], sin[k], orders), weights[k])).collect();
-    (places, largest_sin)
+    let point = |k: usize| Point {
+        places: Places::new(cos[k], sin[k], orders),
+        weights: weights[k],
+        flattened: sin[k].map(|sin| middles / (sin * sin)),
+    };
+    ((0..points).map(point).collect(), largest_sin)
 }
 
 /// Sums and differences of eight rows and their mirror images, in three channels, and room for a transform and for gathering.
@@ -201,16 +246,22 @@ impl Lines {
 }
 
 #[inline(always)]
-fn spectrum(fft: &Fft, factors: &[(f64, f64)], Lines { channels, spare, .. }: &mut Lines) -> Vec<[V; 2 * PARTS]> {
+fn spectrum(
+    fft: &Fft,
+    factors: &[(f64, f64)],
+    degrees: Degrees,
+    Lines { channels, spare, .. }: &mut Lines,
+) -> Vec<[V; PARTS]> {
     let width = spare.len();
-    let mut spectrum = vec![[ZERO; 2 * PARTS]; factors.len()];
+    let parities = degrees.parities(0).len();
+    let mut spectrum = vec![[ZERO; PARTS]; parities * factors.len()];
     for (channel, x) in channels.iter_mut().enumerate() {
         fft.forward(x, spare);
-        for (m, (out, &factor)) in spectrum.iter_mut().zip(factors).enumerate() {
-            let (even, odd) = separate(x[m % width], x[(width - m % width) % width]);
-            for (part, value) in [(0, even), (PARTS, odd)] {
-                let value = value.times(factor);
-                (out[part + channel], out[part + 3 + channel]) = (value.re, value.im);
+        for ((m, out), &factor) in spectrum.chunks_exact_mut(parities).enumerate().zip(factors) {
+            let both = separate(x[m % width], x[(width - m % width) % width]);
+            for (out, parity) in out.iter_mut().zip(degrees.parities(m)) {
+                let value = both[parity].times(factor);
+                (out[channel], out[channel + 3]) = (value.re, value.im);
             }
         }
     }
@@ -220,19 +271,26 @@ fn spectrum(fft: &Fft, factors: &[(f64, f64)], Lines { channels, spare, .. }: &m
 /// Blocks that are accumulated together.
 const GROUP: usize = 4;
 
+/// The coefficients of one order, of every `STEP`th degree, whose l − m have so many parities.
 #[inline(always)]
-fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[f64; PARTS]> {
+fn analyse_order<const STEP: usize, const PARITIES: usize>(
+    m: usize,
+    (degree, degrees): (usize, Degrees),
+    [norm, middles]: [f64; 2],
+    blocks: &[&Block],
+) -> Vec<[f64; PARTS]> {
     let order = Order::new(m, degree);
-    let mut walks: Vec<Vec<Walk>> = blocks
-        .iter()
-        .map(|b| b.points.iter().map(|(places, weight)| places.start(m, scale(*weight, norm))).collect())
-        .collect();
+    let most = middles * squared(degree);
+    let mut walks: Vec<Vec<Walk>> =
+        blocks.iter().map(|b| b.points.iter().map(|point| point.start(m, norm, most)).collect()).collect();
     let mut result = Vec::with_capacity(order.a.len());
     let (mut q, mut chunk, mut spare) = ([[ZERO; CHUNK]; GROUP], [ZERO; CHUNK], [ZERO; CHUNK]);
+    let first = degrees.parities(m).start;
     for (a, s) in order.a.as_chunks::<CHUNK>().0.iter().zip(order.s.as_chunks::<CHUNK>().0) {
         let mut sums = [[ZERO; PARTS]; CHUNK];
+        let is_meant = degrees.any_from(m + result.len());
         for (blocks, walks) in blocks.chunks(GROUP).zip(walks.chunks_mut(GROUP)) {
-            let mut spectra: [&[V; 2 * PARTS]; GROUP] = [&[ZERO; 2 * PARTS]; GROUP];
+            let mut spectra: [&[[V; PARTS]; PARITIES]; GROUP] = [&[[ZERO; PARTS]; PARITIES]; GROUP];
             let mut n = 0;
             for (block, walks) in blocks.iter().zip(walks) {
                 let mut any = false;
@@ -240,10 +298,10 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
                     let to = if any { &mut chunk } else { &mut q[n] };
                     let got = match walks {
                         [one, other] => {
-                            let cos = [&points[0].0.cos, &points[1].0.cos];
+                            let cos = [&points[0].places.cos, &points[1].places.cos];
                             Walk::advance_sum([one, other], cos, a, to, &mut spare)
                         }
-                        walks => walks[0].advance(points[0].0.cos, a, to),
+                        walks => walks[0].advance(points[0].places.cos, a, to),
                     };
                     if any && got {
                         add_chunk(&mut q[n], &chunk);
@@ -251,16 +309,20 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
                     any |= got;
                 }
                 if any {
-                    spectra[n] = &block.spectrum[m];
+                    spectra[n] = &block.spectrum.as_chunks().0[m];
                     n += 1;
                 }
             }
-            for k in 0..CHUNK {
-                let part = k % 2 * PARTS;
+            if !is_meant {
+                continue;
+            }
+            for k in 0..CHUNK / STEP {
+                let k = STEP * k + first;
                 let mut sum = sums[k];
                 for (q, spectrum) in q[..n].iter().zip(&spectra[..n]) {
+                    let spectrum = &spectrum[k % PARITIES];
                     for c in 0..PARTS {
-                        sum[c] = mul_add(q[k], spectrum[part + c], sum[c]);
+                        sum[c] = mul_add(q[k], spectrum[c], sum[c]);
                     }
                 }
                 sums[k] = sum;
@@ -269,5 +331,17 @@ fn analyse_order(m: usize, degree: usize, norm: f64, blocks: &[&Block]) -> Vec<[
         result.extend(sums.iter().zip(s).map(|(sum, s)| sum.map(|v| total(v) * s)));
     }
     result.truncate(degree + 1 - m);
+    for (value, l) in result.iter_mut().zip(m..) {
+        if !degrees.contains(l) {
+            *value = [0.0; PARTS];
+        } else if middles > 0.0 {
+            *value = value.map(|v| v * libm::exp(-middles * squared(l)));
+        }
+    }
     result
+}
+
+/// l(l + 1).
+fn squared(l: usize) -> f64 {
+    (l * (l + 1)) as f64
 }

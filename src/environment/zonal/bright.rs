@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::lanes::{LANES, V, ZERO, scale_add};
+use super::lanes::{LANES, V, ZERO, add, scale_add, total};
 use crate::environment::full_sum::{FullSum, Lobe, flat_horizon, is_flat};
 use crate::environment::kernel::{Kernel, Lambert, Profile, with_profile};
 use crate::environment::panorama::Panorama;
@@ -27,10 +27,14 @@ const NEAR: f64 = 16.0;
 const FAR: f64 = 32.0;
 const SKEWED: f64 = 5e-6;
 /// Texels no farther from their middle than this, in radians, may be one light, if they are at least so many.
-const NEIGHBOURS: f64 = 0.006;
+const NEIGHBOURS: f64 = 0.0125;
 const LEAST_NEIGHBOURS: usize = 5;
-/// Of the brightest, this many are integrated exactly across the horizon.
-const BRIGHTEST: usize = 16;
+/// Texels whose weights are known before they are summed.
+const TOGETHER: usize = 16;
+/// A flat texel across the horizon is off by so much of its flux, times the slope of the kernel there and its extent squared; and that may be so
+/// much of a dark output.
+const FLAT: f64 = 0.03;
+const LEFT_ACROSS: f64 = 5e-6;
 
 /// Peeled texels, in the order of their flux.
 #[derive(Debug)]
@@ -185,9 +189,23 @@ impl Bright {
         Self { peel, texels, lights, alone, extent: dtheta.max(dphi), reach }
     }
 
-    /// Adds ∫ K(axis·l) over what was peeled off, for each of some directions.
+    /// How many texels, of the brightest, are to be integrated exactly where the horizon crosses them, given the darkest outputs.
+    pub fn exact_across(&self, kernel: &Kernel, darkest: [f64; 3]) -> usize {
+        let [slope, ..] = kernel.horizon();
+        let off = FLAT * self.extent * self.extent * slope;
+        let shows = |texel: &Texel| (0..3).any(|c| off * texel.flux[c] > LEFT_ACROSS * darkest[c]);
+        self.texels.iter().rposition(shows).map_or(0, |last| last + 1)
+    }
+
+    /// Adds ∫ K(axis·l) over what was peeled off, for each of some directions; of the first `exact_across` exactly across the horizon.
     #[inline(always)]
-    pub fn add(&self, axes: &[DVec3], kernel: &Kernel, exact: &FullSum, sums: &mut [[f64; 3]]) {
+    pub fn add(
+        &self,
+        axes: &[DVec3],
+        (kernel, exact_across): (&Kernel, usize),
+        exact: &FullSum,
+        sums: &mut [[f64; 3]],
+    ) {
         if self.texels.is_empty() {
             return;
         }
@@ -218,7 +236,7 @@ impl Bright {
             for (lane, to) in sums.iter_mut().enumerate() {
                 (0..3).for_each(|c| to[c] += far[c][lane] + sum[c][lane]);
             }
-            self.add_special(&special, axes, kernel, near[0], exact, sums);
+            self.add_special(&special, axes, (kernel, exact_across, near[0]), exact, sums);
         }
     }
 
@@ -233,12 +251,13 @@ impl Bright {
     ) -> [V; 3] {
         let mut sums = [ZERO; 3];
         for (light, [near_from, belt]) in self.lights.iter().zip(near) {
-            let mut is_near = false;
-            for i in 0..LANES {
+            let mut near = ZERO;
+            for (i, near) in near.iter_mut().enumerate() {
                 let c = axes.x[i] * light.middle.x + (axes.y[i] * light.middle.y + axes.z[i] * light.middle.z);
-                is_near |= (c > *near_from) | (c.abs() < *belt);
+                *near = if c > *near_from { 1.0 } else { 0.0 };
+                *near = if c.abs() < *belt { 1.0 } else { *near };
             }
-            if is_near {
+            if total(near) > 0.0 {
                 listed.extend_from_slice(&light.members);
                 continue;
             }
@@ -272,27 +291,42 @@ impl Bright {
         special: &mut Vec<(usize, [bool; LANES])>,
     ) -> [V; 3] {
         let mut sums = [ZERO; 3];
-        for &index in listed {
-            let texel = &self.texels[index];
-            let (middle, down, across) = (texel.middle, texel.down, texel.across);
-            let mut weights = ZERO;
-            let mut odd = [false; LANES];
-            for i in 0..LANES {
-                let (x, y, z) = (axes.x[i], axes.y[i], axes.z[i]);
-                let c = x * middle.x + (y * middle.y + z * middle.z);
-                let g = x * down.x + (y * down.y + z * down.z);
-                let h = x * across[0] + z * across[1];
-                let lit = if c > 0.0 { c } else { 0.0 };
-                let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
-                let value = value + curvature * (1.0 / 6.0) * (g * g + h * h);
-                odd[i] = (c.abs() < belt) | ((c > near_from) & (c > 0.0));
-                weights[i] = if (c > 0.0) & !odd[i] { value } else { 0.0 };
+        let near_from = near_from.max(0.0);
+        // Weights of some texels first, then their sums, a channel at a time: so the compiler keeps vectors of eight directions.
+        let mut weights = [ZERO; TOGETHER];
+        for listed in listed.chunks(TOGETHER) {
+            for (&index, weights) in listed.iter().zip(&mut weights) {
+                let texel = &self.texels[index];
+                let (middle, down, across) = (texel.middle, texel.down, texel.across);
+                // (Flags are numbers, which are vectors as the rest is.)
+                let mut odd = ZERO;
+                for i in 0..LANES {
+                    let (x, y, z) = (axes.x[i], axes.y[i], axes.z[i]);
+                    let c = x * middle.x + (y * middle.y + z * middle.z);
+                    let g = x * down.x + (y * down.y + z * down.z);
+                    let h = x * across[0] + z * across[1];
+                    let lit = if c > 0.0 { c } else { 0.0 };
+                    let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
+                    let value = value + curvature * (1.0 / 6.0) * (g * g + h * h);
+                    let is_near = if c > near_from { 1.0 } else { 0.0 };
+                    odd[i] = if c.abs() < belt { 1.0 } else { is_near };
+                    let value = if odd[i] == 0.0 { value } else { 0.0 };
+                    weights[i] = if c > 0.0 { value } else { 0.0 };
+                }
+                if total(odd) > 0.0 {
+                    special.push((index, odd.map(|odd| odd > 0.0)));
+                }
             }
-            for (sum, flux) in sums.iter_mut().zip(texel.flux) {
-                *sum = scale_add(weights, flux, *sum);
-            }
-            if odd != [false; LANES] {
-                special.push((index, odd));
+            for (c, sum) in sums.iter_mut().enumerate() {
+                // (Two sums, which need not wait for each other.)
+                let (mut even, mut odd) = (*sum, ZERO);
+                for (pair, weights) in listed.chunks(2).zip(weights.as_chunks::<2>().0) {
+                    even = scale_add(weights[0], self.texels[pair[0]].flux[c], even);
+                    if let Some(&second) = pair.get(1) {
+                        odd = scale_add(weights[1], self.texels[second].flux[c], odd);
+                    }
+                }
+                *sum = add(even, odd);
             }
         }
         sums
@@ -303,8 +337,7 @@ impl Bright {
         &self,
         special: &[(usize, [bool; LANES])],
         axes: &[DVec3],
-        kernel: &Kernel,
-        near_from: f64,
+        of_kernel: (&Kernel, usize, f64),
         exact: &FullSum,
         sums: &mut [[f64; 3]],
     ) {
@@ -312,20 +345,30 @@ impl Bright {
             return;
         }
         for (lane, (axis, sum)) in axes.iter().zip(sums).enumerate() {
-            let lobe = Lobe::new(*axis, kernel);
+            if !special.iter().any(|(_, odd)| odd[lane]) {
+                continue;
+            }
+            let lobe = Lobe::new(*axis, of_kernel.0);
             for &(index, _) in special.iter().filter(|(_, odd)| odd[lane]) {
-                let weight = self.special(index, *axis, kernel, &lobe, near_from, exact);
+                let weight = self.special(index, *axis, of_kernel, &lobe, exact);
                 (0..3).for_each(|c| sum[c] += weight * self.texels[index].flux[c]);
             }
         }
     }
 
     /// The mean of K over one texel that the second order is not for.
-    fn special(&self, index: usize, axis: DVec3, kernel: &Kernel, lobe: &Lobe, near_from: f64, exact: &FullSum) -> f64 {
+    fn special(
+        &self,
+        index: usize,
+        axis: DVec3,
+        (kernel, exact_across, near_from): (&Kernel, usize, f64),
+        lobe: &Lobe,
+        exact: &FullSum,
+    ) -> f64 {
         let texel = &self.texels[index];
         let c = axis.dot(texel.middle);
         let flat = c.abs() < self.reach && is_flat(self.extent, kernel);
-        if c > near_from || index < BRIGHTEST || !flat {
+        if c > near_from || index < exact_across || !flat {
             let (of_map, solid_angle) = self.peel.texel(index);
             return exact.texel_weight(of_map, lobe) / solid_angle;
         }
@@ -388,7 +431,7 @@ mod tests {
                 for away in [side, up, (side - up) * 0.5f64.sqrt()] {
                     let axis = (sun * f64::cos(angle) + away * f64::sin(angle)).normalize();
                     let mut got = [[0.0; 3]];
-                    bright.add(&[axis], kernel, &exact, &mut got);
+                    bright.add(&[axis], (kernel, bright.texels.len()), &exact, &mut got);
                     let lobe = Lobe::new(axis, kernel);
                     let mut wanted = [0.0; 3];
                     for (i, radiance) in bright.peel.texels() {

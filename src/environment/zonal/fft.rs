@@ -200,10 +200,10 @@ fn five([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
 /// The transforms of two real sequences from the one of their first + i second, at frequency m: that needs its values at m and
 /// at −m.
 #[inline(always)]
-pub(super) fn separate(at: Complex, opposite: Complex) -> (Complex, Complex) {
+pub(super) fn separate(at: Complex, opposite: Complex) -> [Complex; 2] {
     let first = Complex { re: add(at.re, opposite.re), im: sub(at.im, opposite.im) };
     let second = Complex { re: add(at.im, opposite.im), im: sub(opposite.re, at.re) };
-    (first.scaled(0.5), second.scaled(0.5))
+    [first.scaled(0.5), second.scaled(0.5)]
 }
 
 #[cfg(test)]

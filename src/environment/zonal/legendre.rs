@@ -21,6 +21,42 @@ const BITS: i32 = 200;
 const LARGE: f64 = 1.267_650_600_228_229_4e30; // 2^100
 const SHRINK: f64 = 1.0 / (LARGE * LARGE);
 
+/// Which degrees are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Degrees {
+    All,
+    /// Even ones above this one.
+    EvenAbove(usize),
+}
+
+impl Degrees {
+    /// Whether any of a chunk from degree `l` on is meant.
+    #[inline(always)]
+    pub fn any_from(self, l: usize) -> bool {
+        match self {
+            Self::All => true,
+            Self::EvenAbove(last) => l + CHUNK > last + 1,
+        }
+    }
+
+    /// The remainders of l − m divided by two that are meant.
+    #[inline(always)]
+    pub fn parities(self, m: usize) -> std::ops::Range<usize> {
+        match self {
+            Self::All => 0..2,
+            Self::EvenAbove(_) => m % 2..m % 2 + 1,
+        }
+    }
+
+    /// Whether a degree is meant.
+    pub fn contains(self, l: usize) -> bool {
+        match self {
+            Self::All => true,
+            Self::EvenAbove(last) => l > last && l.is_multiple_of(2),
+        }
+    }
+}
+
 /// The recurrence of one order.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Order {

@@ -5,7 +5,8 @@
 //! interpolation between rings answers for any direction (`synthesis`), so no layout has seams. How many degrees a kernel
 //! takes follows from the darkest output (`plan`). Wide kernels end at their horizon with a kink, which harmonics only follow slowly:
 //! texels bright enough for that to show are peeled off first and summed exactly. The darkest value is taken off first, and degree 0 is the
-//! exact mean: a constant stays what it is. Of kernels too narrow for harmonics, the part near the axis is summed over the texels there (`split`).
+//! exact mean: a constant stays what it is. Higher degrees that dark maps ask for, kernels share (`tail`). Of kernels too narrow for harmonics, the
+//! part near the axis is summed over the texels there (`split`).
 
 mod analysis;
 mod bright;
@@ -19,6 +20,7 @@ mod sides;
 mod split;
 mod survey;
 mod synthesis;
+mod tail;
 
 use std::borrow::Cow;
 use std::f64::consts::PI;
@@ -36,12 +38,14 @@ use super::panorama::Panorama;
 use super::peel::Peel;
 use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
+use legendre::Degrees;
 use nodes::Nodes;
 use plan::{Plan, cells, darkest, is_wide, row_rule, usual_degree};
 use sides::{BAND, SIDES, fill_band};
 use split::Places;
 use survey::{Survey, moments};
 use synthesis::{PoleAngles, Rings, angles};
+use tail::Tail;
 
 /// Texels that are peeled off at most, for wide kernels and for narrow ones.
 const MOST_PEELED: [usize; 2] = [1024, 64];
@@ -49,8 +53,14 @@ const MOST_PEELED: [usize; 2] = [1024, 64];
 /// Peeled texels that all kernels may as well share.
 const FEW: usize = 16;
 
+/// Peeled texels that cost more than the degrees with which most of them need not be.
+const MANY: usize = 64;
+
 /// A bound of truncation above this, which is some hundred times what truncation does, asks for more degrees.
 const HARD: f64 = 3e-3;
+
+/// The map is analysed again for so many times as many degrees as it was, if a tail needs them beside it.
+const FARTHER: f64 = 1.2;
 
 /// Directions that a thread answers for at a time.
 const LINE: usize = 64;
@@ -81,6 +91,8 @@ struct Part {
     /// The largest part of a channel's light that was not peeled off.
     share: f64,
     coefficients: Coefficients,
+    /// Degrees beyond these, if a kernel asks for some.
+    tail: Option<Tail>,
     /// What was not peeled off, if a kernel sums texels near its axis.
     near: Option<(Panorama, Places)>,
 }
@@ -92,6 +104,8 @@ pub struct Function<'a> {
     kernel: Kernel,
     /// Nothing if texels are summed instead.
     rings: Option<(&'a Part, &'a Plan, Arc<Rings>)>,
+    /// Of peeled texels, those that are integrated exactly across the horizon.
+    exact_across: usize,
     /// Degrees of the harmonics; 0 if texels are summed instead.
     pub degree: usize,
     /// What truncation changes at most, in parts of the value or of [`super::DARK_FLOOR`] of the mean.
@@ -133,9 +147,20 @@ impl<'a> Zonal<'a> {
     pub fn function(&'a self, kernel: &Kernel) -> Function<'a> {
         let of = |part: &'a Part| part.plans.iter().find(|plan| plan.kernel == *kernel).map(|plan| (part, plan));
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
-            return Function { zonal: self, kernel: *kernel, rings: None, degree: 0, truncation: 0.0, at_a_sun: 0.0 };
+            let (truncation, at_a_sun) = (0.0, 0.0);
+            return Function {
+                zonal: self,
+                kernel: *kernel,
+                rings: None,
+                exact_across: 0,
+                degree: 0,
+                truncation,
+                at_a_sun,
+            };
         };
-        let truncation = plan.truncation(part.share, self.panorama.mean(), part.norm2, &part.coefficients);
+        let mean = self.panorama.mean();
+        let truncation = part.truncation(plan, mean);
+        let exact_across = part.bright.exact_across(kernel, mean.map(|mean| plan.darkest * mean));
         let grid = plan.grid(truncation);
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let rings = match &*last {
@@ -145,7 +170,8 @@ impl<'a> Zonal<'a> {
         *last = Some((*kernel, rings.clone()));
         drop(last);
         let (rings, at_a_sun) = (Some((part, plan, rings)), plan.at_a_sun(grid));
-        Function { zonal: self, kernel: *kernel, rings, degree: plan.degree(), truncation, at_a_sun }
+        let degree = plan.last_degree();
+        Function { zonal: self, kernel: *kernel, rings, exact_across, degree, truncation, at_a_sun }
     }
 }
 
@@ -176,14 +202,26 @@ impl Function<'_> {
         for (i, value) in values.iter_mut().enumerate() {
             *value = rings.at(angles(i));
         }
+        if let Some((tail, factor)) = self.tail() {
+            for (i, value) in values.iter_mut().enumerate() {
+                let of_tail = tail.at(angles(i));
+                (0..3).for_each(|c| value[c] += factor * of_tail[c]);
+            }
+        }
         self.finish(directions, values);
+    }
+
+    /// Degrees that are summed for other kernels too, and what they are multiplied by.
+    fn tail(&self) -> Option<(&Rings, f64)> {
+        let (part, plan, _) = self.rings.as_ref()?;
+        Some((&part.tail.as_ref()?.rings, plan.share.as_ref()?.factor))
     }
 
     /// Adds what rings do not hold.
     #[inline(always)]
     fn finish(&self, directions: &[DVec3], values: &mut [[f64; 3]]) {
         let Some((part, plan, _)) = &self.rings else { return };
-        part.bright.add(directions, &self.kernel, &self.zonal.exact, values);
+        part.bright.add(directions, (&self.kernel, self.exact_across), &self.zonal.exact, values);
         // An average lies between the extremes. The clamp only keeps errors of truncation (1e-7 of the mean) from making black
         // negative beside a sun.
         let [low, high] = self.zonal.range;
@@ -218,6 +256,7 @@ impl Function<'_> {
 
     fn fill_faces(&self, rings: &Rings, size: usize, texels: &mut [[f32; 3]], finished: &(dyn Fn(u64) + Sync)) {
         let instructions = self.zonal.instructions;
+        let rings: Vec<(&Rings, f64)> = [(rings, 1.0)].into_iter().chain(self.tail()).collect();
         let mut faces: Vec<&mut [[f32; 3]]> = texels.chunks_exact_mut(size * size).collect();
         let poles = faces.drain(2..4).collect::<Vec<_>>();
         let mut bands: Vec<Vec<&mut [[f32; 3]]>> =
@@ -230,9 +269,14 @@ impl Function<'_> {
                 instructions.run(
                     #[inline(always)]
                     || {
-                        fill_band(rings, size, band * BAND, &mut [a, b, c, d], |column| {
-                            self.finish(column.directions, column.values)
-                        })
+                        fill_band(
+                            &rings,
+                            size,
+                            band * BAND,
+                            &mut [a, b, c, d],
+                            #[inline(always)]
+                            |column| self.finish(column.directions, column.values),
+                        )
                     },
                 );
                 finished(faces.iter().map(|rows| rows.len() as u64).sum());
@@ -309,43 +353,59 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 }
 
 impl Part {
-    /// With more degrees where those that an easy map takes leave too much out.
+    /// With more degrees where those that an easy map takes leave too much out; twice the usual ones where texels are left because of that.
     fn patient(
         panorama: &Panorama,
         survey: &Survey,
         plans: Vec<Plan>,
-        peel: Peel,
+        (peel, is_hard): (Peel, bool),
         instructions: InstructionSet,
     ) -> Self {
-        let part = Self::new(panorama, survey, plans, peel, instructions);
+        let rest = Rest::new(panorama, survey, &peel);
+        let mut part = Self::new(panorama, &rest, plans, Bright::new(peel, panorama), instructions);
         let mean = panorama.mean();
-        // The bound falls like degree⁻².
         let wanted = |plan: &Plan| {
-            let left = plan.truncation(part.share, mean, part.norm2, &part.coefficients);
-            let times = if left > 4.0 * HARD { 4 } else { 2 };
-            let degree = (times * plan.degree()).min(2 * usual_degree(&plan.kernel));
-            let is_short = left > HARD && plan.split.is_none() && is_wide(&plan.kernel) && degree > plan.degree();
-            is_short.then_some(degree)
+            let left = part.truncation(plan, mean);
+            let most = 2 * usual_degree(&plan.kernel);
+            // The bound falls like degree⁻²; odd degrees, which a tail leaves out, add something again.
+            let enough = (1.25 * (left / HARD).sqrt() * plan.degree() as f64) as usize;
+            let is_short = (is_hard || left > HARD) && plan.split.is_none() && is_wide(&plan.kernel);
+            is_short.then_some((left, if is_hard { most } else { enough.min(most) }))
         };
-        let wanted: Vec<Option<usize>> = part.plans.iter().map(wanted).collect();
-        if wanted.iter().all(Option::is_none) {
-            return part;
+        let wanted: Vec<Option<(f64, usize)>> = part.plans.iter().map(wanted).collect();
+        let takers = || part.plans.iter().zip(&wanted).filter_map(|(plan, wanted)| Some((plan.degree(), (*wanted)?)));
+        let Some(least) = takers().map(|(own, _)| own).min() else { return part };
+        let degree = takers().map(|(_, (_, degree))| degree).max().unwrap_or(least);
+        let own: Vec<usize> = part
+            .plans
+            .par_iter()
+            .zip(&wanted)
+            .map(|(plan, wanted)| wanted.map_or(0, |(_, degree)| plan.own_beside_tail(degree, instructions)))
+            .collect();
+        if part.plans.iter().zip(&own).any(|(plan, &own)| own as f64 > FARTHER * plan.degree() as f64) {
+            let more = |(plan, own): (Plan, &usize)| match *own > plan.degree() {
+                true => Plan::new(plan.kernel, plan.darkest, *own, panorama.height(), instructions),
+                false => Some(plan),
+            };
+            let plans = part.plans.into_iter().zip(&own).filter_map(more).collect();
+            part = Self::new(panorama, &rest, plans, part.bright, instructions);
         }
-        let more = |(plan, wanted): (Plan, &Option<usize>)| match wanted {
-            Some(degree) => Plan::new(plan.kernel, plan.darkest, *degree, panorama.height(), instructions),
-            None => Some(plan),
-        };
-        let plans: Vec<Plan> = part.plans.into_iter().zip(&wanted).filter_map(more).collect();
-        let peel = peel_for(panorama, survey, &plans);
-        Self::new(panorama, survey, plans, peel, instructions)
+        // From half of the kernels' own degrees on: what these then hold of the upper half is less, and needs fewer rings.
+        let tail = Tail::new(&rest, [least / 2, degree], instructions);
+        part.plans.par_iter_mut().zip(wanted).with_max_len(1).for_each(|(plan, wanted)| {
+            if let Some((left, _)) = wanted {
+                plan.take(&tail, left, instructions);
+            }
+        });
+        part.tail = Some(tail);
+        part
     }
 
-    fn new(panorama: &Panorama, survey: &Survey, plans: Vec<Plan>, peel: Peel, instructions: InstructionSet) -> Self {
+    fn new(panorama: &Panorama, rest: &Rest, plans: Vec<Plan>, bright: Bright, instructions: InstructionSet) -> Self {
         let degree = plans.iter().map(Plan::degree).max().unwrap_or(0);
         // (The rest of a split kernel is as smooth as its degree says.)
         let width = |plan: &Plan| if plan.split.is_some() { 4.0 / plan.degree() as f64 } else { plan.kernel.width() };
         let narrowest = plans.iter().map(width).fold(2.0, f64::min);
-        let rest = Rest::new(panorama, survey, &peel);
         let (mean, norm2, whole) = (rest.mean, rest.norm2, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
         let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
@@ -354,18 +414,23 @@ impl Part {
             Some(nodes) => Rows::Nodes(nodes),
             None => Rows::Points(row_rule(narrowest, kinked, panorama.height())),
         };
-        let mut coefficients = analyse(&rest, degree, &rows, instructions);
+        let mut coefficients = analyse(rest, degree, Degrees::All, &rows, instructions);
         // The mean is known already.
         coefficients.orders[0][0] = [0.0; 6];
         let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
         let near = places.map(|places| (rest.to_panorama(), places));
-        Self { plans, bright: Bright::new(peel, panorama), mean, norm2, share, coefficients, near }
+        Self { plans, bright, mean, norm2, share, coefficients, tail: None, near }
+    }
+
+    /// What truncation changes of a plan's function at most, relative to the darkest output, given the map's mean.
+    fn truncation(&self, plan: &Plan, mean: [f64; 3]) -> f64 {
+        plan.truncation(self.share, mean, self.norm2, &self.coefficients, self.tail.as_ref())
     }
 }
 
-/// The texels that show across the horizon of one of these kernels.
-fn peel_for(panorama: &Panorama, survey: &Survey, plans: &[Plan]) -> Peel {
-    let least = plans.iter().map(|plan| least_share(plan, panorama.height())).fold(1.0, f64::min);
+/// The texels that show across the horizon of one of these kernels, given so many times its usual degrees.
+fn peel_for(panorama: &Panorama, survey: &Survey, plans: &[Plan], times: usize) -> Peel {
+    let least = plans.iter().map(|plan| least_share(plan, times, panorama.height())).fold(1.0, f64::min);
     let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel) && plan.split.is_none());
     Peel::strongest(panorama, &survey.brightest, least, MOST_PEELED[usize::from(!is_wide)])
 }
@@ -381,16 +446,20 @@ fn parts(
     let mut parts = vec![];
     let mut rest = narrow;
     if !wide.is_empty() {
-        let peel = peel_for(panorama, survey, &wide);
+        let mut peel = peel_for(panorama, survey, &wide, 1);
+        let is_hard = peel.len() > MANY;
+        if is_hard {
+            peel = peel_for(panorama, survey, &wide, 2);
+        }
         let mut plans = wide;
         if peel.len() <= FEW {
             plans.append(&mut rest);
         }
-        parts.push(Part::patient(panorama, survey, plans, peel, instructions));
+        parts.push(Part::patient(panorama, survey, plans, (peel, is_hard), instructions));
     }
     if !rest.is_empty() {
-        let peel = peel_for(panorama, survey, &rest);
-        parts.push(Part::patient(panorama, survey, rest, peel, instructions));
+        let peel = peel_for(panorama, survey, &rest, 1);
+        parts.push(Part::patient(panorama, survey, rest, (peel, false), instructions));
     }
     parts
 }
@@ -399,9 +468,9 @@ fn parts(
 ///
 /// The kink a max(c, 0), a = K′(0), is off by some a/(5L) when cut off at degree L; 1e-4 of the darkest output (which is reckoned
 /// three times too dark) is left to the texels of a cell that L does not resolve.
-fn least_share(plan: &Plan, height: usize) -> f64 {
+fn least_share(plan: &Plan, times: usize, height: usize) -> f64 {
     let [slope, ..] = plan.kernel.horizon();
-    let degree = plan.degree().max(usual_degree(&plan.kernel)) as f64;
+    let degree = plan.degree().max(times * usual_degree(&plan.kernel)) as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
     1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
 }

@@ -101,8 +101,16 @@ impl Nodes {
     /// another; `None` if they would not be much fewer than rows.
     pub fn for_kernels(narrowest: f64, degrees: [usize; 2], [width, height]: [usize; 2]) -> Option<Self> {
         let by_degree = degrees.iter().zip(DEGREES).map(|(&degree, most)| degree as f64 / most).fold(0.0, f64::max);
-        let n = (PI / (PER_WIDTH * narrowest)).max(by_degree) as usize;
-        let n = n.next_multiple_of(2 * LANES);
+        Self::at_least((PI / (PER_WIDTH * narrowest)).max(by_degree), [width, height])
+    }
+
+    /// Nodes for a map of this shape and degrees up to one: to 4 % at the last, to 2e-4 at half of them.
+    pub fn for_some_percent(degree: usize, shape: [usize; 2]) -> Option<Self> {
+        Self::at_least(degree as f64 / 0.5, shape)
+    }
+
+    fn at_least(n: f64, [width, height]: [usize; 2]) -> Option<Self> {
+        let n = (n as usize).next_multiple_of(2 * LANES);
         (width.is_multiple_of(2) && n as f64 * WORTH <= height as f64).then(|| Self::new(n, [width, height]))
     }
 
@@ -276,6 +284,7 @@ fn lagrange(t: f64) -> [f64; TAPS] {
 #[cfg(test)]
 mod tests {
     use super::super::analysis::{Rows, analyse};
+    use super::super::legendre::Degrees;
     use super::super::plan::row_rule;
     use super::super::{InstructionSet, Rest};
     use crate::environment::test_maps::random;
@@ -311,8 +320,8 @@ mod tests {
                 norm2: [0.0; 3],
             };
             let (degree, set) = (n / 3, InstructionSet::detect());
-            let wanted = analyse(&map, degree, &Rows::Points(row_rule(0.1, degree, width / 2)), set);
-            let got = analyse(&map, degree, &Rows::Nodes(Nodes::new(n, [width, width / 2])), set);
+            let wanted = analyse(&map, degree, Degrees::All, &Rows::Points(row_rule(0.1, degree, width / 2)), set);
+            let got = analyse(&map, degree, Degrees::All, &Rows::Nodes(Nodes::new(n, [width, width / 2])), set);
             let flux: f64 = (0..3).map(|c| panorama.mean()[c]).fold(0.0, f64::max) * 4.0 * PI;
             for (m, (got, wanted)) in got.orders.iter().zip(&wanted.orders).enumerate() {
                 for (k, (got, wanted)) in got.iter().zip(wanted).enumerate() {

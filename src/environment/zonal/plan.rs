@@ -13,8 +13,10 @@ use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
+use super::legendre::Degrees;
 use super::split::Split;
 use super::survey::Survey;
+use super::tail::Tail;
 use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::{Kernel, Profile, with_profile};
 use crate::environment::panorama::Panorama;
@@ -45,6 +47,8 @@ const USUAL: Aim = Aim { truncation: 1e-5, per_width: 0.095 };
 const OF_NARROW: Aim = Aim { truncation: 3e-5, per_width: 0.12 };
 const NARROW: f64 = 0.08;
 const PEAK: f64 = 14.0;
+/// What interpolation of a function with a tail may leave, in parts of a dark output.
+const LEFT_BETWEEN: f64 = 2e-5;
 /// λ_l of narrow kernels are looked at up to this many times 1/α: e^(−2 · 16) is beyond every need.
 const REACH: f64 = 16.0;
 
@@ -54,8 +58,9 @@ pub(super) struct Plan {
     pub kernel: Kernel,
     /// What is summed near the axis, of a kernel too narrow for harmonics; they hold the rest.
     pub split: Option<Split>,
-    /// λ_0 … λ_L.
+    /// λ_0 … λ_L, without what the tail has of them.
     pub eigenvalues: Vec<f64>,
+    pub share: Option<Share>,
     /// How far apart points of the grid may lie, in radians, and what interpolation is off by at a sun if they do.
     spacing: f64,
     interpolation: f64,
@@ -63,10 +68,27 @@ pub(super) struct Plan {
     truncation_at_peak: f64,
     /// t of the bound for every map of the same flux.
     pub any_map: f64,
-    /// ‖κ‖.
+    /// ‖κ‖; with a tail, of degrees that it has nothing of.
     pub remainder_norm: f64,
     /// The darkest output that was reckoned with, in parts of the mean.
     pub darkest: f64,
+}
+
+/// What a kernel takes of the tail that kernels share.
+#[derive(Debug, Clone)]
+pub(super) struct Share {
+    /// What the tail is multiplied by.
+    pub factor: f64,
+    /// The tail's last degree.
+    degree: usize,
+    /// What truncation would be without it, at most.
+    without: f64,
+    /// The norm of what even degrees are off by.
+    off: f64,
+    /// The part of the kernel's own last degrees, which the tail has too, that it does not have.
+    own: f64,
+    /// How many of the kernel's own degrees the tail does not have.
+    behind: f64,
 }
 
 impl Plan {
@@ -118,6 +140,7 @@ impl Plan {
             truncation_at_peak: peak.get((degree / step).max(1) - 1).copied().unwrap_or(0.0),
             any_map: whole[0],
             eigenvalues: lambda,
+            share: None,
             remainder_norm,
             darkest,
         })
@@ -154,13 +177,67 @@ impl Plan {
             truncation_at_peak: aim,
             any_map: everywhere[0],
             eigenvalues: lambda,
+            share: None,
             remainder_norm,
             darkest,
         }
     }
 
+    /// Degrees that are this kernel's own.
     pub fn degree(&self) -> usize {
         self.eigenvalues.len() - 1
+    }
+
+    /// The last degree of all.
+    pub fn last_degree(&self) -> usize {
+        self.share.as_ref().map_or(self.degree(), |share| share.degree)
+    }
+
+    /// Degrees that should be the kernel's own if a tail goes on to another one: so many that what the tail does not have of those between (mostly odd
+    /// ones) is half of what is left out beyond, both of a map whose power falls like degree⁻².
+    pub fn own_beside_tail(&self, last: usize, instructions: InstructionSet) -> usize {
+        let (lambda, lambert) =
+            (lambdas(&self.kernel, last, instructions), lambdas(&Kernel::new(1.0), last, instructions));
+        let last_even = last / 2 * 2;
+        let power = |l: usize, of: f64| (2 * l + 1) as f64 * of * of / (l * l) as f64;
+        let factor = lambda[last_even] / lambert[last_even];
+        // Σ l⁻⁶ over even l beyond.
+        let most = 0.25 * power(last_even, lambda[last_even]) * last as f64 / 10.0;
+        let mut left = 0.0;
+        for l in (self.degree() + 1..=last).rev() {
+            let of_tail = if l.is_multiple_of(2) { factor * lambert[l] } else { 0.0 };
+            left += power(l, lambda[l] - of_tail);
+            if left > most {
+                return l;
+            }
+        }
+        self.degree()
+    }
+
+    /// Takes beyond its own degrees what the tail has, given the bound of truncation without it.
+    pub fn take(&mut self, tail: &Tail, without: f64, instructions: InstructionSet) {
+        let (kernel, own, last) = (self.kernel, self.degree(), tail.degree());
+        if last <= own {
+            return;
+        }
+        let value = |w: f64| kernel.eval(w);
+        let lambda = lambdas(&kernel, last, instructions);
+        let evens = || (own + 1..=last).filter(|l| l.is_multiple_of(2)).map(|l| (l, (2 * l + 1) as f64 / (4.0 * PI)));
+        let sum = |of: &dyn Fn(usize) -> f64| evens().map(|(l, weight)| weight * of(l)).sum::<f64>();
+        let factor = sum(&|l| lambda[l] * tail.eigenvalues[l]) / sum(&|l| tail.eigenvalues[l].powi(2));
+        let of_tail =
+            |l: usize| if Degrees::EvenAbove(tail.behind).contains(l) { factor * tail.eigenvalues[l] } else { 0.0 };
+        let all: Vec<f64> = (0..=last).map(|l| if l <= own { self.eigenvalues[l] } else { of_tail(l) }).collect();
+        let floor = self.darkest / (4.0 * PI);
+        self.any_map = Remainder::new([&value; 2], kernel.width(), PI, floor).relative(&all, last, instructions)[0];
+        let off = sum(&|l| (lambda[l] - of_tail(l)).powi(2)).sqrt();
+        self.remainder_norm = (self.remainder_norm.powi(2) - sum(&|l| lambda[l].powi(2))).max(0.0).sqrt();
+        let norm = |of: &[f64]| (tail.behind + 1..=own).map(|l| (2 * l + 1) as f64 * of[l] * of[l]).sum::<f64>().sqrt();
+        let all = norm(&self.eigenvalues);
+        self.eigenvalues.iter_mut().enumerate().for_each(|(l, v)| *v -= of_tail(l));
+        let own = if all > 0.0 { norm(&self.eigenvalues) / all } else { 1.0 };
+        self.share =
+            Some(Share { factor, degree: last, without, off, own, behind: tail.behind as f64 / self.degree() as f64 });
     }
 
     /// Rings and columns of the grid, given the bound of what truncation changes on this map.
@@ -170,6 +247,12 @@ impl Plan {
     /// sky, kernels of [`KernelKind::Nol`] and [`KernelKind::G1`]).
     pub fn grid(&self, truncation: f64) -> [usize; 2] {
         let dense = match truncation {
+            // What is truncated, 0.01 of the bound, is what the last degrees add too; degree l is off by 0.005 (lΔ)⁶ of it.
+            _ if let Some(share) = &self.share => {
+                // Of those that the tail has too only a part is left; below them, l⁻³ as much is added at larger Δ⁻¹.
+                let all = PI * (0.005 * 0.01 * share.without / LEFT_BETWEEN).powf(1.0 / 6.0);
+                all * share.own.powf(1.0 / 6.0).max(share.behind.sqrt())
+            }
             _ if !is_wide(&self.kernel) || self.split.is_some() => 1.2,
             bound if bound < 1e-4 => 0.5,
             bound if bound < 1e-3 => 0.7,
@@ -192,16 +275,31 @@ impl Plan {
 
     /// The largest relative error that truncation can cause, given the part `share` of the light that was not peeled off, and
     /// the map beyond its mean: its squared norm (of each channel) and its coefficients.
-    pub fn truncation(&self, share: f64, mean: [f64; 3], norm2: [f64; 3], coefficients: &Coefficients) -> f64 {
+    pub fn truncation(
+        &self,
+        share: f64,
+        mean: [f64; 3],
+        norm2: [f64; 3],
+        coefficients: &Coefficients,
+        tail: Option<&Tail>,
+    ) -> f64 {
         let mut this_map = 0.0f64;
-        for c in 0..3 {
-            if mean[c] > 0.0 {
-                let rest = (norm2[c] - power(coefficients, c, self.degree())).max(1e-14 * norm2[c]);
-                this_map = this_map.max(self.remainder_norm * rest.sqrt() / (self.darkest * mean[c]));
-            }
+        for c in (0..3).filter(|&c| mean[c] > 0.0) {
+            let (of_tail, off) = match (&self.share, tail) {
+                (Some(share), Some(tail)) => (tail.power_beyond(self.degree(), c), share.off),
+                _ => (0.0, 0.0),
+            };
+            let rest = (norm2[c] - power(coefficients, c, self.degree()) - of_tail).max(1e-14 * norm2[c]);
+            let most = self.remainder_norm * rest.sqrt() + off * of_tail.sqrt();
+            this_map = this_map.max(most / (self.darkest * mean[c]));
         }
         this_map.min(2.0 * self.any_map * share.max(1e-3))
     }
+}
+
+/// λ_0 … λ_degree of a whole kernel.
+pub(super) fn lambdas(kernel: &Kernel, degree: usize, instructions: InstructionSet) -> Vec<f64> {
+    eigenvalues(&|w| kernel.eval(w), kernel.singularities(), degree, instructions)
 }
 
 /// The degree of a wide kernel; an easy map takes half of it, a hard one twice as much. A kink of slope a leaves a L^(−5/2) behind, the same for all.

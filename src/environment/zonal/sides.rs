@@ -32,48 +32,78 @@ struct Place {
     weights: [f64; TAPS],
 }
 
-/// Fills rows from `first` on of the four faces of a cube; `finish` adds to a column what rings do not hold.
+/// Rings along a column, and its texels' places among them.
+#[derive(Default)]
+struct Meridian {
+    /// The first ring.
+    low: isize,
+    places: [Place; BAND],
+    values: Vec<[f64; 4]>,
+}
+
+impl Meridian {
+    /// For texels at θ/π, which grow from one to the next.
+    #[inline(always)]
+    fn place(&mut self, rings: &Rings, factor: f64, thetas: &[f64]) {
+        self.low = rings.rings_at(thetas[0]).0;
+        let mut high = self.low;
+        for (theta, place) in thetas.iter().zip(&mut self.places) {
+            let (ring, weights) = rings.rings_at(*theta);
+            *place = Place { first: (ring - self.low) as usize, weights: weights.map(|weight| factor * weight) };
+            high = ring;
+        }
+        self.values.resize((high - self.low) as usize + TAPS, [0.0; 4]);
+    }
+
+    /// Adds the values at a turn.
+    #[inline(always)]
+    fn add(&mut self, rings: &Rings, turn: f64, values: &mut [[f64; 3]]) {
+        rings.along_meridian(turn, self.low, &mut self.values);
+        for (place, value) in self.places.iter().zip(values) {
+            let mut sum = [0.0; 4];
+            let taps = &self.values[place.first..place.first + TAPS];
+            for (weight, tap) in place.weights.iter().zip(taps) {
+                (0..4).for_each(|c| sum[c] += weight * tap[c]);
+            }
+            (0..3).for_each(|c| value[c] += sum[c]);
+        }
+    }
+}
+
+/// Fills rows from `first` on of the four faces of a cube with a sum of rings, each times a factor; `finish` adds to a column what rings do not hold.
 #[inline(always)]
 pub(super) fn fill_band(
-    rings: &Rings,
+    rings: &[(&Rings, f64)],
     size: usize,
     first: usize,
     faces: &mut [Rows; 4],
     mut finish: impl FnMut(Column),
 ) {
     let n = faces[0].len() / size;
-    let mut meridian = vec![];
-    let (mut places, mut lengths) = ([Place::default(); BAND], [0.0; BAND]);
+    let mut meridians: Vec<Meridian> = rings.iter().map(|_| Meridian::default()).collect();
+    let mut lengths = [0.0; BAND];
     let (mut directions, mut values) = ([DVec3::ZERO; BAND], [[0.0; 3]; BAND]);
     for column in 0..size.div_ceil(2) {
         let u = centre(size, column);
         let rows = first..first + n;
-        let theta = |row: usize| libm::atan2((1.0 + u * u).sqrt(), -centre(size, row)) / PI;
-        // (θ grows from row to row.)
-        let (low, _) = rings.rings_at(theta(first));
-        let mut high = low;
-        for ((row, place), length) in rows.clone().zip(&mut places).zip(&mut lengths) {
+        let mut thetas = [0.0; BAND];
+        for ((row, theta), length) in rows.clone().zip(&mut thetas).zip(&mut lengths) {
             let v = centre(size, row);
-            let (ring, weights) = rings.rings_at(theta(row));
-            *place = Place { first: (ring - low) as usize, weights };
+            *theta = libm::atan2((1.0 + u * u).sqrt(), -v) / PI;
             *length = 1.0 / (1.0 + u * u + v * v).sqrt();
-            high = ring;
         }
-        meridian.resize((high - low) as usize + TAPS, [0.0; 4]);
+        for (meridian, (rings, factor)) in meridians.iter_mut().zip(rings) {
+            meridian.place(rings, *factor, &thetas[..n]);
+        }
         let mirrored = size - 1 - column;
         for column in [column, mirrored].into_iter().take(if mirrored == column { 1 } else { 2 }) {
             let u = centre(size, column);
             // On each face the azimuth falls as u grows.
             let turn = -libm::atan2(u, 1.0) / TAU;
             for ((face, middle), out) in SIDES.into_iter().zip(faces.iter_mut()) {
-                rings.along_meridian(middle + turn, low, &mut meridian);
-                for (place, value) in places[..n].iter().zip(&mut values) {
-                    let mut sum = [0.0; 4];
-                    let taps = &meridian[place.first..place.first + TAPS];
-                    for (weight, tap) in place.weights.iter().zip(taps) {
-                        (0..4).for_each(|c| sum[c] += weight * tap[c]);
-                    }
-                    *value = [sum[0], sum[1], sum[2]];
+                values[..n].fill([0.0; 3]);
+                for (meridian, (rings, _)) in meridians.iter_mut().zip(rings) {
+                    meridian.add(rings, middle + turn, &mut values[..n]);
                 }
                 for ((row, direction), length) in rows.clone().zip(&mut directions).zip(lengths) {
                     *direction = face_point(face, u, centre(size, row)) * length;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::analysis::{Coefficients, PARTS};
 use super::fft::{Complex, Fft};
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, scale_add, sub};
-use super::legendre::{CHUNK, Order, Places, Walk, negligible, sectoral_norms};
+use super::legendre::{CHUNK, Degrees, Order, Places, Walk, negligible, sectoral_norms};
 use crate::environment::cube::centre;
 
 /// Taps of the interpolation in each angle.
@@ -26,8 +26,10 @@ pub(super) struct Rings {
     /// What is added to the values that are kept, about their mean: where the sum is dark, its rounding is small too.
     base: [f32; 3],
     /// Eight rings of the north, then their mirror images, each with [`MARGIN`] columns more on both sides; and one texel that is none, so
-    /// that four numbers can be read where three are meant.
+    /// that four numbers can be read where three are meant. Of an even function, sixteen rings of the north: the south is the north from the
+    /// other side.
     strips: Vec<Vec<[f32; 3]>>,
+    is_even: bool,
 }
 
 /// Eight rings of the north and their mirror images.
@@ -47,36 +49,59 @@ impl Rings {
         instructions: InstructionSet,
     ) -> Self {
         let base = mean.map(|m| (eigenvalues[0] * m) as f32);
+        Self::make(coefficients, (eigenvalues, Degrees::All), base, [rings, columns], instructions)
+    }
+
+    /// Σ λ_l f_lm Y_lm of even l beyond `last`.
+    pub fn of_even(
+        coefficients: &Coefficients,
+        (eigenvalues, last): (&[f64], usize),
+        grid: [usize; 2],
+        instructions: InstructionSet,
+    ) -> Self {
+        Self::make(coefficients, (eigenvalues, Degrees::EvenAbove(last)), [0.0; 3], grid, instructions)
+    }
+
+    fn make(
+        coefficients: &Coefficients,
+        (eigenvalues, degrees): (&[f64], Degrees),
+        base: [f32; 3],
+        [rings, columns]: [usize; 2],
+        instructions: InstructionSet,
+    ) -> Self {
         let degree = eigenvalues.len() - 1;
         debug_assert!(columns.is_multiple_of(2) && degree <= coefficients.degree);
-        let blocks: Vec<Block> =
-            (0..rings.div_ceil(2).div_ceil(LANES)).map(|b| block(b * LANES, rings, degree)).collect();
+        let is_even = degrees != Degrees::All;
+        let n_blocks = rings.div_ceil(2).div_ceil(LANES);
+        // (Two at a time become a strip of an even function.)
+        let n_blocks = if is_even { n_blocks.next_multiple_of(2) } else { n_blocks };
+        let blocks: Vec<Block> = (0..n_blocks).map(|b| block(b * LANES, rings, degree)).collect();
         let norms = sectoral_norms(degree);
-        let spectra: Vec<Vec<[V; 2 * PARTS]>> = (0..degree + 1)
+        let spectra: Vec<Vec<[V; PARTS]>> = (0..degree + 1)
             .into_par_iter()
             .with_max_len(1)
             .map(|m| {
                 let orders = &coefficients.orders[m];
                 instructions.run(
                     #[inline(always)]
-                    || synthesise_order(m, orders, eigenvalues, norms[m], &blocks),
+                    || synthesise_order(m, orders, (eigenvalues, degrees), norms[m], &blocks),
                 )
             })
             .collect();
         let fft = Fft::new(columns);
-        let strips = (0..blocks.len())
+        let strips = (0..if is_even { n_blocks / 2 } else { n_blocks })
             .into_par_iter()
             .map_init(
                 || [(); 4].map(|()| vec![Complex::ZERO; columns]),
                 |lines, b| {
                     instructions.run(
                         #[inline(always)]
-                        || strip(b, &spectra, base, &fft, lines),
+                        || strip(b, is_even, &spectra, base, &fft, lines),
                     )
                 },
             )
             .collect();
-        Self { rings, columns, base, strips }
+        Self { rings, columns, base, strips, is_even }
     }
 
     /// The value at θ/π in [0, 1] and the turn (φ + π)/2π in [0, 2), by Lagrange interpolation of degree five in both.
@@ -157,8 +182,13 @@ impl Rings {
             r => (r, column),
         };
         let (north, south) = (ring as usize, (last - ring) as usize);
-        let (pair, side) = if north <= south { (north, 0) } else { (south, LANES) };
-        (pair / LANES, (pair % LANES + side) * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2)
+        let (strip, row, column) = match (self.is_even, north <= south) {
+            (false, true) => (north / LANES, north % LANES, column),
+            (false, false) => (south / LANES, south % LANES + LANES, column),
+            (true, true) => (north / (2 * LANES), north % (2 * LANES), column),
+            (true, false) => (south / (2 * LANES), south % (2 * LANES), self.within(column + self.columns / 2)),
+        };
+        (strip, row * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2)
     }
 }
 
@@ -243,15 +273,15 @@ fn block(first: usize, rings: usize, degree: usize) -> Block {
     Block { places: Places::new(cos, sin, degree), largest_sin }
 }
 
-/// Sums over l of even and of odd l − m, at every block.
+/// Sums over l of even and of odd l − m, at every block; or of those of both that are meant.
 #[inline(always)]
 fn synthesise_order(
     m: usize,
     coefficients: &[[f64; PARTS]],
-    eigenvalues: &[f64],
+    (eigenvalues, degrees): (&[f64], Degrees),
     norm: f64,
     blocks: &[Block],
-) -> Vec<[V; 2 * PARTS]> {
+) -> Vec<[V; PARTS]> {
     let degree = eigenvalues.len() - 1;
     let order = Order::new(m, degree);
     let mut terms = vec![[0.0; PARTS]; order.a.len()];
@@ -261,20 +291,25 @@ fn synthesise_order(
     }
     // (Rings go from the pole to the equator, and the farther, the less is negligible.)
     let first = blocks.iter().position(|block| !negligible(degree, m, block.largest_sin)).unwrap_or(blocks.len());
-    let mut result = Vec::with_capacity(blocks.len());
-    result.resize(first, [ZERO; 2 * PARTS]);
+    let parities = degrees.parities(m);
+    let mut result = Vec::with_capacity(blocks.len() * parities.len());
+    result.resize(first * parities.len(), [ZERO; PARTS]);
     let mut q = [[ZERO; CHUNK]; 2];
     for pair in blocks[first..].chunks(2) {
         let cos = [&pair[0].places.cos, &pair[pair.len() - 1].places.cos];
         let [mut one, mut other] = [0, pair.len() - 1].map(|i| pair[i].places.start(m, [norm; LANES]));
-        let mut all = [[ZERO; 2 * PARTS]; 2];
-        for (a, terms) in order.a.as_chunks::<CHUNK>().0.iter().zip(terms.as_chunks::<CHUNK>().0) {
+        let mut all = [[[ZERO; PARTS]; 2]; 2];
+        let chunks = order.a.as_chunks::<CHUNK>().0.iter().zip(terms.as_chunks::<CHUNK>().0);
+        for ((a, terms), l) in chunks.zip((m..).step_by(CHUNK)) {
             let any = match pair.len() {
                 1 => [one.advance(*cos[0], a, &mut q[0]), false],
                 _ => Walk::advance_two([&mut one, &mut other], cos, a, &mut q),
             };
+            if !degrees.any_from(l) {
+                continue;
+            }
             for ((all, q), _) in all.iter_mut().zip(&q).zip(any).filter(|(_, any)| *any) {
-                for parity in 0..2 {
+                for parity in parities.clone() {
                     let mut sums = [ZERO; PARTS];
                     for half in 0..CHUNK / 2 {
                         let k = 2 * half + parity;
@@ -283,21 +318,35 @@ fn synthesise_order(
                         }
                     }
                     for c in 0..PARTS {
-                        all[parity * PARTS + c] = add(all[parity * PARTS + c], sums[c]);
+                        all[parity][c] = add(all[parity][c], sums[c]);
                     }
                 }
             }
         }
-        result.extend_from_slice(&all[..pair.len()]);
+        for all in &all[..pair.len()] {
+            result.extend_from_slice(&all[parities.clone()]);
+        }
     }
     result
 }
 
-/// The rings of one block, and their mirror images. What `lines` hold, a channel each and one to spare, is lost.
+/// Real and imaginary part of an order at the eight rings of a block, and at their mirror images, from its sums over even and over odd l − m; of an
+/// even function, at the rings of two blocks, from one sum of each.
+#[inline(always)]
+fn halves(spectrum: &[[V; PARTS]], strip: usize, is_even: bool, channel: usize) -> [[V; 2]; 2] {
+    let [even, odd] = [2 * strip, 2 * strip + 1].map(|i| [spectrum[i][channel], spectrum[i][channel + 3]]);
+    if is_even {
+        return [even, odd];
+    }
+    [[add(even[0], odd[0]), add(even[1], odd[1])], [sub(even[0], odd[0]), sub(even[1], odd[1])]]
+}
+
+/// Eight rings and eight more. What `lines` hold, a channel each and one to spare, is lost.
 #[inline(always)]
 fn strip(
-    block: usize,
-    spectra: &[Vec<[V; 2 * PARTS]>],
+    strip: usize,
+    is_even: bool,
+    spectra: &[Vec<[V; PARTS]>],
     base: [f32; 3],
     fft: &Fft,
     lines: &mut [Vec<Complex>; 4],
@@ -306,24 +355,22 @@ fn strip(
     let columns = spare.len();
     for (channel, x) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
         // (Orders beyond half of the columns come down on lower ones: values at the columns are the same.)
-        let folds = 2 * spectra.len() > columns;
+        let orders = spectra.len();
+        let folds = 2 * orders > columns;
         if folds {
             x.fill(Complex::ZERO);
         } else {
-            x[spectra.len()..=columns - spectra.len()].fill(Complex::ZERO);
+            x[orders..=columns - orders].fill(Complex::ZERO);
         }
-        for (m, parts) in spectra.iter().enumerate() {
-            let part = &parts[block];
-            let [even, odd] = [0, PARTS].map(|p| (part[p + channel], part[p + 3 + channel]));
-            let north = (add(even.0, odd.0), add(even.1, odd.1));
-            let south = (sub(even.0, odd.0), sub(even.1, odd.1));
-            // The conjugate of north + i south at m and at −m: the transform's conjugate is then the sum with e^(+imφ).
+        for (m, spectrum) in spectra.iter().enumerate() {
+            let [first, second] = halves(spectrum, strip, is_even, channel);
+            // The conjugate of first + i second at m and at −m: the transform's conjugate is then the sum with e^(+imφ).
             if m == 0 {
-                x[0] = Complex { re: north.0, im: scale(south.0, -1.0) };
+                x[0] = Complex { re: first[0], im: scale(second[0], -1.0) };
                 continue;
             }
-            let plus = Complex { re: sub(north.0, south.1), im: scale(add(north.1, south.0), -1.0) };
-            let minus = Complex { re: add(north.0, south.1), im: sub(north.1, south.0) };
+            let plus = Complex { re: sub(first[0], second[1]), im: scale(add(first[1], second[0]), -1.0) };
+            let minus = Complex { re: add(first[0], second[1]), im: sub(first[1], second[0]) };
             if folds {
                 for (m, value) in [(m % columns, plus), ((columns - m % columns) % columns, minus)] {
                     x[m] = x[m].add(value);

@@ -25,6 +25,20 @@ fn lit(width: usize, seed: u64, sun: (usize, usize)) -> Panorama {
     super::super::test_maps::random(width, seed, Some(sun))
 }
 
+/// A dark room with lamps too wide to be peeled off: what is behind the horizon shows.
+fn studio(width: usize) -> Panorama {
+    let height = width / 2;
+    let lamps = [[0.1, 0.2, 0.2, 0.35, 30.0], [0.45, 0.3, 0.62, 0.42, 80.0], [0.8, 0.4, 0.83, 0.6, 50.0]];
+    let at = |i: usize| {
+        let (x, y) = ((i % width) as f64 / width as f64, (i / width) as f64 / height as f64);
+        let inside = |lamp: &&[f64; 5]| (lamp[0]..lamp[2]).contains(&x) && (lamp[1]..lamp[3]).contains(&y);
+        let room = 0.02 + 0.02 * f64::from(u8::from((i * 2_654_435_761) % 7 < 3));
+        let value = lamps.iter().find(inside).map_or(room, |lamp| lamp[4]);
+        [value as f32, (0.7 * value) as f32, 0.4 * value as f32]
+    };
+    Panorama::new(width, height, (0..width * height).map(at).collect()).unwrap()
+}
+
 const ALPHAS: [f64; 4] = [0.05, 0.25, 9.0 / 16.0, 1.0];
 
 fn kernels(alphas: &[f64]) -> Vec<Kernel> {
@@ -63,6 +77,33 @@ fn every_level_is_within_1e_4_of_the_full_sum_wherever_errors_hide() {
                         wanted[c]
                     );
                 }
+            }
+        }
+    }
+}
+
+/// Kernels whose tail is Lambert's but for odd degrees (`g1`), and one with a cusp at its axis too (`charlie` at alpha 1). Where it is dark, in the lamps'
+/// corners' horizons, and everywhere.
+#[test]
+fn a_dark_room_takes_a_tail_and_is_as_exact() {
+    let panorama = studio(128);
+    let (mean, exact) = (panorama.mean(), FullSum::new(&panorama));
+    let kinds = [(KernelKind::Nol, 0.25), (KernelKind::Nol, 1.0), (KernelKind::G1, 0.16), (KernelKind::Charlie, 1.0)];
+    let kernels = kinds.map(|(kind, alpha)| Kernel::of(kind, alpha));
+    for kernel in &kernels {
+        let zonal = Zonal::new(&panorama, &[*kernel], InstructionSet::detect());
+        let function = zonal.function(kernel);
+        let (name, alpha) = (kernel.kind().name(), kernel.alpha());
+        let (part, plan, _) = function.rings.as_ref().unwrap();
+        assert!(part.tail.is_some() && plan.share.is_some(), "{name} {alpha}: {} degrees", function.degree);
+        let cube = function.cube(8, &|_| {});
+        let darkest = super::aims(exact.sun(), kernel, &cube);
+        for direction in aims(&panorama).into_iter().chain(darkest) {
+            let (got, wanted) = (function.at(direction), exact.evaluate(direction, kernel));
+            for c in 0..3 {
+                let tolerance = 1e-4 * wanted[c].max(1e-3 * mean[c]);
+                let off = (got[c] - wanted[c]).abs();
+                assert!(off < tolerance, "{name} {alpha}, {direction}, channel {c}: off by {off:e} of {}", wanted[c]);
             }
         }
     }
@@ -154,7 +195,7 @@ fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
         };
         for narrowest in [1.0, 0.01, 1e-3] {
             let rows = Rows::Points(row_rule(narrowest, 4, width / 2));
-            let coefficients = analyse(&map, 4, &rows, InstructionSet::detect());
+            let coefficients = analyse(&map, 4, Degrees::All, &rows, InstructionSet::detect());
             for c in 0..3 {
                 // f_00 Y_00 is the mean; it was taken off already.
                 let off = coefficients.orders[0][0][c] / (4.0 * PI).sqrt() / panorama.mean()[c];
@@ -249,11 +290,11 @@ fn eigenvalues_agree_with_closed_forms_and_with_finer_panels() {
 /// A cube takes its texels' angles by symmetry; the function takes them from the direction.
 #[test]
 fn a_cube_holds_the_values_of_its_function() {
-    let panorama = lit(64, 9, (50, 12));
-    let kernel = Kernel::new(0.2);
-    let zonal = Zonal::new(&panorama, &[kernel], InstructionSet::detect());
-    let function = zonal.function(&kernel);
-    for size in [1, 5, 8] {
+    for (panorama, size) in [lit(64, 9, (50, 12)), studio(64)].iter().flat_map(|map| [1, 5, 8].map(|size| (map, size)))
+    {
+        let kernel = Kernel::new(0.2);
+        let zonal = Zonal::new(panorama, &[kernel], InstructionSet::detect());
+        let function = zonal.function(&kernel);
         for (index, texel) in function.cube(size, &|_| {}).texels.iter().enumerate() {
             let wanted = function.at(texel_direction(size, index));
             for c in 0..3 {
