@@ -63,9 +63,12 @@ struct Band {
     rows: [(f64, f64); NODES],
     /// The largest sin θ.
     widest: f64,
-    /// For each row of nodes and each channel, W of all nodes along the band.
-    weights: [[Vec<f64>; 3]; NODES],
+    /// W of each cell.
+    weights: Vec<Weights>,
 }
+
+/// For each row of nodes and each channel of a cell, W of the nodes: all of a cell in one place, because a sum takes few cells of a band.
+type Weights = [[[f64; NODES]; 3]; NODES];
 
 /// Columns of texels in a row of the smallest cells, that are too near or cross the horizon.
 pub(super) struct Left {
@@ -237,23 +240,25 @@ impl Walk<'_> {
     /// Adds whole cells.
     #[inline(always)]
     fn add(&mut self, at: usize, band: &Band, columns: Range<usize>) {
-        let nodes = columns.start * NODES..columns.end * NODES;
-        let along = &self.along[at][1][nodes.clone()];
+        let along = &self.along[at][1].as_chunks::<NODES>().0[columns.clone()];
         let (seen, sums) = (&self.seen, &mut self.sums);
-        with_profile!(seen.kernel, P => add_nodes::<P>(seen, band, nodes, along, sums));
+        with_profile!(seen.kernel, P => add_cells::<P>(seen, &band.rows, &band.weights[columns], along, sums));
     }
 }
 
-/// Adds K W of some nodes along a band.
+/// Adds K W of some cells, given their rows of nodes.
 #[inline(always)]
-fn add_nodes<P: Profile>(seen: &Seen, band: &Band, nodes: Range<usize>, along: &[f64], sums: &mut [[f64; NODES]; 3]) {
+fn add_cells<P: Profile>(
+    seen: &Seen,
+    rows: &[(f64, f64); NODES],
+    weights: &[Weights],
+    along: &[[f64; NODES]],
+    sums: &mut [[f64; NODES]; 3],
+) {
     let kernel = *seen.kernel;
-    let along = along.as_chunks::<NODES>().0;
-    for ((cos, sin), weights) in band.rows.iter().zip(&band.weights) {
-        let up = seen.axis.y * cos;
-        let [red, green, blue] =
-            [&weights[0], &weights[1], &weights[2]].map(|w| w[nodes.clone()].as_chunks::<NODES>().0);
-        for (((along, red), green), blue) in along.iter().zip(red).zip(green).zip(blue) {
+    for (weights, along) in weights.iter().zip(along) {
+        for ((cos, sin), [red, green, blue]) in rows.iter().zip(weights) {
+            let up = seen.axis.y * cos;
             let mut values = [0.0; NODES];
             for i in 0..NODES {
                 values[i] = P::at(&kernel, up + sin * along[i]);
@@ -322,20 +327,19 @@ impl Level {
             let theta = [rows.start, rows.end].map(|row| PI * row as f64 / height as f64);
             let dtheta = theta[1] - theta[0];
             let down = moments(&points, rows.len(), &many, |t| dtheta * libm::sin(theta[0] + t * dtheta));
-            let n = (whole + usize::from(last > 0)) * NODES;
+            let n = whole + usize::from(last > 0);
             let mut band = Band::new(theta, &points);
             band.occupied = rows.clone().any(|row| panorama.row(row).iter().any(|t| t.map(f64::from) != base));
             if !band.occupied {
                 return band;
             }
-            band.weights = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; n]));
-            let mut line =
-                [vec![[0.0; NODES]; n / NODES], vec![[0.0; NODES]; n / NODES], vec![[0.0; NODES]; n / NODES]];
+            band.weights = vec![Weights::default(); n];
             instructions.run(
                 #[inline(always)]
                 || {
                     for (row, down) in rows.clone().zip(&down) {
-                        for (k, texels) in panorama.row(row).chunks(side).enumerate() {
+                        let cells = panorama.row(row).chunks(side).zip(&mut band.weights);
+                        for (k, (texels, weights)) in cells.enumerate() {
                             let across = if k < whole { &across } else { &across_last };
                             let mut sums = [[0.0; NODES]; 3];
                             for (texel, across) in texels.iter().zip(across) {
@@ -346,12 +350,9 @@ impl Level {
                                     }
                                 }
                             }
-                            (0..3).for_each(|c| line[c][k] = sums[c]);
-                        }
-                        for (weights, down) in band.weights.iter_mut().zip(down) {
-                            for (weights, line) in weights.iter_mut().zip(&line) {
-                                for (weight, value) in weights.iter_mut().zip(line.as_flattened()) {
-                                    *weight += down * value;
+                            for (weights, down) in weights.iter_mut().zip(down) {
+                                for (weight, sum) in weights.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
+                                    *weight += down * sum;
                                 }
                             }
                         }
@@ -386,29 +387,22 @@ impl Level {
         };
         let across: Vec<[[f64; NODES]; NODES]> =
             (0..n).map(|k| values([edges[k / 2], edges[k / 2 + 1]], [self.edges[k], self.edges[k + 1]])).collect();
-        let join = |parts: &[Band]| {
+        let join_bands = |parts: &[Band]| {
             let theta = [parts[0].theta[0], parts[parts.len() - 1].theta[1]];
             let mut band = Band::new(theta, &points);
             band.occupied = parts.iter().any(|part| part.occupied);
             if !band.occupied {
                 return band;
             }
-            band.weights = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; (edges.len() - 1) * NODES]));
+            band.weights = vec![Weights::default(); edges.len() - 1];
             let downs: Vec<_> = parts.iter().map(|part| values(theta, part.theta)).collect();
             instructions.run(
                 #[inline(always)]
                 || {
-                    let mut line = vec![[0.0; NODES]; edges.len() - 1];
                     for (part, down) in parts.iter().zip(&downs).filter(|(part, _)| part.occupied) {
-                        for (weights, down) in part.weights.iter().zip(down) {
-                            for c in 0..3 {
-                                join_across(weights[c].as_chunks::<NODES>().0, &across, &mut line);
-                                for (to, down) in band.weights.iter_mut().zip(down) {
-                                    for (to, value) in to[c].iter_mut().zip(line.as_flattened()) {
-                                        *to += down * value;
-                                    }
-                                }
-                            }
+                        let pairs = part.weights.chunks(2).zip(across.chunks(2));
+                        for ((cells, across), to) in pairs.zip(&mut band.weights) {
+                            join(cells, across, down, to);
                         }
                     }
                 },
@@ -416,22 +410,30 @@ impl Level {
             band
         };
         let bands =
-            on.map(self.bands.len().div_ceil(2), |b| join(&self.bands[2 * b..(2 * b + 2).min(self.bands.len())]));
+            on.map(self.bands.len().div_ceil(2), |b| join_bands(&self.bands[2 * b..(2 * b + 2).min(self.bands.len())]));
         Self::new(2 * self.side, bands, edges)
     }
 }
 
-/// The weights of large cells along a row of nodes, from those of the small ones: each pair of these makes one.
+/// Adds to a large cell what it has of a pair beside each other, given its polynomials at their nodes, across and down.
 #[inline(always)]
-fn join_across(weights: &[[f64; NODES]], across: &[[[f64; NODES]; NODES]], line: &mut [[f64; NODES]]) {
-    for ((to, pair), across) in line.iter_mut().zip(weights.chunks(2)).zip(across.chunks(2)) {
-        let mut sums = [0.0; NODES];
-        for (weight, across) in pair.as_flattened().iter().zip(across.as_flattened()) {
-            for j in 0..NODES {
-                sums[j] += weight * across[j];
+fn join(pair: &[Weights], across: &[[[f64; NODES]; NODES]], down: &[[f64; NODES]; NODES], to: &mut Weights) {
+    for (row, down) in down.iter().enumerate() {
+        let mut sums = [[0.0; NODES]; 3];
+        for (weights, across) in pair.iter().zip(across) {
+            for (sums, weights) in sums.iter_mut().zip(&weights[row]) {
+                for (weight, across) in weights.iter().zip(across) {
+                    for j in 0..NODES {
+                        sums[j] += weight * across[j];
+                    }
+                }
             }
         }
-        *to = sums;
+        for (to, down) in to.iter_mut().zip(down) {
+            for (to, sum) in to.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
+                *to += down * sum;
+            }
+        }
     }
 }
 

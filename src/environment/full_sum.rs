@@ -479,7 +479,7 @@ fn dot(weights: &[f64], values: &[f32], base: f64) -> f64 {
 }
 
 /// Columns that are looked at together for texels to mend.
-const STRETCH: usize = 32;
+const STRETCH: usize = 8;
 
 /// Adds scale × K(up + sin × along) to the weights.
 #[inline(always)]
