@@ -1,5 +1,5 @@
-//! How long the environment filters take, and how much memory: on the built-in sky of 1024 × 512 texels, or on synthetic maps (noise,
-//! lamps, one sun of 1e5) of the size that a case names. One thread where a case does not say two; the best instructions that this
+//! How long the environment filters take, and how much memory: on the built-in sky of 1024 × 512 texels (or on a file of that size that
+//! `KILN_BENCH_MAP` names: dark rooms take longer), or on synthetic maps (noise, lamps, one sun of 1e5) of the size that a case names. One thread where a case does not say two; the best instructions that this
 //! processor has, or those of the baseline.
 //!
 //! `cargo bench --bench environment -- --only "1024 ×"`; see the other benchmark for how to read and to count instructions. The largest
@@ -8,13 +8,23 @@
 mod harness;
 
 use harness::Case;
-use kiln::environment::{FullSum, InstructionSet, Kernel, MonteCarlo, Panorama, Zonal, area_average, builtin};
+use kiln::environment::{
+    FullSum, InstructionSet, Kernel, MonteCarlo, Panorama, Reading, Zonal, area_average, builtin, load,
+};
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::LazyLock;
 
-static SKY: LazyLock<Panorama> = LazyLock::new(|| builtin("sky", 1024).expect("built in"));
+static SKY: LazyLock<Panorama> = LazyLock::new(|| match map_file() {
+    Some(file) => {
+        let name = file.to_str().expect("a path in UTF-8");
+        let (map, _) = load(name, &Reading::default()).expect("KILN_BENCH_MAP names a panorama");
+        assert_eq!((map.width(), map.height()), (1024, 512), "KILN_BENCH_MAP wants 1024 × 512 texels");
+        map
+    }
+    None => builtin("sky", 1024).expect("built in"),
+});
 static LARGE: LazyLock<Panorama> = LazyLock::new(|| synthetic(4096));
 static HUGE: LazyLock<Panorama> = LazyLock::new(|| synthetic(8192));
 
@@ -32,6 +42,11 @@ fn synthetic(width: usize) -> Panorama {
         if sun { [1e5, 0.9e5, 0.8e5] } else { [0.6 * light, 0.8 * light, light] }
     };
     Panorama::new(width, height, (0..width * height).map(texel).collect()).expect("a 2:1 map")
+}
+
+/// A map of the user's own.
+fn map_file() -> Option<PathBuf> {
+    std::env::var_os("KILN_BENCH_MAP").map(PathBuf::from)
 }
 
 /// The sky as a Radiance file, its rows as run lengths (literals only).
@@ -66,7 +81,7 @@ fn rgbe(texel: [f32; 3]) -> [u8; 4] {
 
 /// The whole command, as a user runs it: decoding, filtering, checks against the full sum, certificate, three files.
 fn whole_command(threads: usize) {
-    static FILE: LazyLock<PathBuf> = LazyLock::new(sky_file);
+    static FILE: LazyLock<PathBuf> = LazyLock::new(|| map_file().unwrap_or_else(sky_file));
     let out = std::env::temp_dir().join(format!("kiln-bench-{}", std::process::id()));
     let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
     command.arg("env").arg(&*FILE).arg("--out").arg(&out).args(["--threads", &threads.to_string(), "--quiet"]);
