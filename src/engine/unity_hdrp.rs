@@ -35,6 +35,14 @@ pub(super) static UNITY_HDRP: Engine = Engine {
             tolerance: Some(1e-4),
             ..PLAIN
         },
+        EngineTable {
+            name: "ltc-burley",
+            file: "LtcData.BRDF_Disney.raw",
+            format: "raw:rgba16f",
+            channels: &["ltc-burley.m00", "ltc-burley.m20", "ltc-burley.m11", "ltc-burley.m02"],
+            axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+            ..PLAIN
+        },
     ],
     environment: Some(EngineEnvironment {
         layout: SphereLayout::Cube,

@@ -179,7 +179,7 @@ fn matrices_of_area_lights_in_every_scale_are_the_same_lobe() {
             assert!((one - other).abs() <= tolerance, "mu {mu} alpha {alpha}, entry {entry}: {one} and {other}");
         }
         let ltc = Ltc { x: [v(&m11, 0), v(&m11, 1)], y: 1.0, z: [v(&m11, 2), v(&m11, 3)] };
-        let distance = quadrature::ltc_distance(mu, alpha, Smith::Correlated, &ltc);
+        let distance = quadrature::ltc_distance(mu, quadrature::Surface::Ggx(alpha, Smith::Correlated), &ltc);
         assert!(distance.square < 0.5, "{distance:?}");
     }
 }

@@ -4,7 +4,7 @@ use super::contain::contained;
 use super::{FACES, LEVELS_KEY, to_native};
 use crate::colour::Primaries;
 use crate::error::{Error, Result};
-use crate::format::{Image, Texture, memory};
+use crate::format::{Image, Texture, colour_order, memory};
 use crate::pack::{Number, TexelFormat};
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
@@ -106,7 +106,8 @@ fn texture_uncontained(bytes: &[u8]) -> Result<Option<Texture>> {
     let kept = meant.unwrap_or(n_levels).clamp(1, n_levels);
 
     let names: Vec<String> = header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect();
-    let (order, channels) = colour_first(names);
+    let order = colour_order(&names).unwrap_or_else(|| (0..names.len()).collect());
+    let channels: Vec<String> = order.iter().map(|&channel| names[channel].clone()).collect();
     let number = if numbers.contains(&Number::F32) { Number::F32 } else { Number::F16 };
     let format = TexelFormat::Plain { channels: channels.len(), number };
     let [width, height] = [data.size.x(), data.size.y()];
@@ -168,20 +169,6 @@ fn for_blocks(
         return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
     }
     Ok(())
-}
-
-/// The channels R, G, B and A in that order, if there are none but those; else as they come. Where each stands among those that come.
-fn colour_first(names: Vec<String>) -> (Vec<usize>, Vec<String>) {
-    let find = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted));
-    let colour: Option<Vec<usize>> = ["R", "G", "B", "A"]
-        .into_iter()
-        .take(names.len())
-        .map(find)
-        .collect::<Option<_>>()
-        .filter(|_| names.len() <= 4);
-    let order = colour.unwrap_or_else(|| (0..names.len()).collect());
-    let channels = order.iter().map(|&c| names[c].clone()).collect();
-    (order, channels)
 }
 
 /// Refuses sizes that `n_bytes` cannot hold, so that what is allocated for them stays in proportion to the file.

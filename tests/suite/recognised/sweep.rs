@@ -60,6 +60,7 @@ impl Kind {
             "ltc-matrix-m00",
             "ltc-lobe",
             "ltc-lobe-amplitude",
+            "ltc-burley",
             "cloth-split",
             "generalized-schlick",
             "generalized-schlick-dielectric",
