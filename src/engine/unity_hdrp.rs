@@ -63,7 +63,8 @@ pub(super) static UNITY_HDRP: Engine = Engine {
     }),
     sources: &[
         "Unity-Technologies/Graphics: PreIntegratedFGD.hlsl (0bb2787), PreIntegratedFGD.cs, GGXDisneyDiffuse.shader, CharlieFabricLambert.shader (8bdf507), BSDF.hlsl, ImageBasedLighting.hlsl, \
-         SphericalHarmonics.cs, LTCAreaLight.cs, LTCAreaLight.hlsl, LtcData.BRDF_GGX.cs",
+         SphericalHarmonics.cs, LTCAreaLight.cs, LTCAreaLight.hlsl, LtcData.BRDF_GGX.cs, LtcData.BRDF_Disney.cs, BRDF_Disney.cs, \
+         BRDF_Charlie.cs, Fabric.hlsl (2a67652), Hair.hlsl",
     ],
     from_memory: &["that an importer turns a right-handed world by negating X, which the cube follows"],
     warnings: &[
@@ -72,8 +73,12 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         "of the cloth table newer versions read 2 pi times x and y, as here; older ones y/(1 - y), of --channels 'charlie.albedo:y/(1+y)'",
         "what its cloth reads in x and y beyond 1/(2 pi) of a grazing sheen does not fit its own texture, and is stored as it is here",
     ],
-    missing: &["the linearly transformed cosines of its other lobes: the slices of _LtcData after the first"],
+    missing: &[
+        "slice 2 of _LtcData: its table is of a sheen of Estevez' visibility, its lamps are of Neubelt's, and a cosine is like neither",
+        "slices 3 to 7 of _LtcData: Kajiya and Kay's hair, for which its shader takes the first slice; Marschner's, which is empty; and the lobes of AxF car \
+         paints, Cook and Torrance's V-shaped grooves, Ward's and Oren and Nayar's, which Kiln has not",
+    ],
     usage: "import with sRGB off, no compression, clamped; set as _PreIntegratedFGD_GGXDisneyDiffuse and _PreIntegratedFGD_CharlieAndFabric; the halves of LtcData.BRDF_GGX.raw \
-            go into slice 0 of _LtcData by SetPixelData; SphericalHarmonicsL2[channel, i] is \
+            and LtcData.BRDF_Disney.raw go into slices 0 and 1 of _LtcData by SetPixelData; SphericalHarmonicsL2[channel, i] is \
             coefficients[i][channel] of sh.json",
 };
