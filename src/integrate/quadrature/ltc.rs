@@ -2,21 +2,23 @@
 //!
 //! Both have kinks, and both along great circles through ±y: the surface's horizon, where the reflection ends, and the cosine's, where
 //! that ends. So directions are written (cosβ sinτ, sinβ, cosβ cosτ), dω = cosβ dβ dτ: all kinks lie at fixed τ, where panels end. What is
-//! left is analytic, of GGX with these singularities beside the real axes (a diffuse reflection has but those of the cosine):
+//! left is analytic, of GGX with these singularities beside the real axes:
 //!
 //! - in τ, the ridge of D at the mirror direction, ± 2i atanh α from it; that of the cosine, where n_x = ± i n_z; at either horizon
 //!   the branch points of G2, ± i atanh α, its pole as far below the horizon as the outgoing direction is above it, and that of an approximate G2;
 //! - in β, the ridges again: with h = wo + wi, h² − (1 − α²) h_z² vanishes at about tan²β = −(h_x² + α² h_z²) of β = 0, and |n|² at
 //!   tan²β = −(n_x² + n_z²)/m11²; and, at β = π/2, where wi meets the horizon at any τ, the singularities of G2 in sin(π/2 − β) cosτ.
 //!
-//! The last are left alone where a lobe is so narrow that nothing is left of it there. Derived here; checked against the closed form of
-//! the albedo and against Monte Carlo.
+//! The last are left alone where a lobe is so narrow that nothing is left of it there. A diffuse reflection is a polynomial, of a high degree
+//! in β. A sheen is a power of the half-vector's distance from the normal, whose tip at the mirror direction is the corner of four panels, and
+//! towards the horizon it rises as fast as that power does. Derived here; checked against the closed form of the albedo and against Monte Carlo.
 
-use super::{Rung, ggx_albedo};
+use super::{Rung, charlie_split, ggx_albedo};
 use crate::math::frame::{direction_with_cosine, elevation, sine_of_cosine};
 use crate::math::quadrature::GradedRules;
 use crate::model::Lobe;
 use crate::model::burley::Burley;
+use crate::model::charlie::{Charlie, Visibility};
 use crate::model::ggx::{Ggx, Smith};
 use crate::model::ltc::{Ltc, VARIATIONS};
 use glam::DVec3;
@@ -29,6 +31,16 @@ pub enum Surface {
     Ggx(f64, Smith),
     /// Disney's diffuse lobe of a roughness in [0, 1].
     Burley(f64),
+    /// The sheen of a width in (0, 1], with Neubelt's visibility.
+    Charlie(f64),
+}
+
+fn burley(roughness: f64) -> Burley {
+    Burley { roughness, renormalised: false }
+}
+
+fn charlie(alpha: f64) -> Charlie {
+    Charlie { alpha, visibility: Visibility::Neubelt }
 }
 
 impl Surface {
@@ -36,15 +48,20 @@ impl Surface {
     pub fn lobe(self) -> Box<dyn Lobe> {
         match self {
             Self::Ggx(alpha, smith) => Box::new(Ggx::isotropic(alpha, smith)),
-            Self::Burley(roughness) => Box::new(Burley { roughness, renormalised: false }),
+            Self::Burley(roughness) => Box::new(burley(roughness)),
+            Self::Charlie(alpha) => Box::new(charlie(alpha)),
         }
     }
 
-    /// Its directional albedo, within the tolerance.
+    /// Its directional albedo, within the tolerance; of a sheen, which may be next to nothing, within that part of it.
     pub fn albedo(self, mu: f64, tolerance: f64) -> f64 {
         match self {
             Self::Ggx(alpha, smith) => ggx_albedo(mu, alpha, smith, tolerance).value,
-            Self::Burley(roughness) => Burley { roughness, renormalised: false }.albedo(mu),
+            Self::Burley(roughness) => burley(roughness).albedo(mu),
+            Self::Charlie(alpha) => {
+                let of = |tolerance| charlie_split(mu, &charlie(alpha), tolerance)[0].value;
+                of(tolerance * of(tolerance).min(1.0))
+            }
         }
     }
 
@@ -75,18 +92,18 @@ pub(super) struct Reflection {
 enum Shape {
     Ggx { alpha: f64, l_o: f64, smith: Smith },
     Burley { lobe: Burley, wo: DVec3 },
+    Charlie { lobe: Charlie, wo: DVec3 },
 }
 
 impl Reflection {
     /// `mu` in [0, 1]; `albedo` is E.
     pub(super) fn new(mu: f64, of: Surface, albedo: f64) -> Self {
         let sine = sine_of_cosine(mu);
+        let wo = not_below(direction_with_cosine(mu));
         let of = match of {
             Surface::Ggx(alpha, smith) => Shape::Ggx { alpha, l_o: (alpha * sine).hypot(mu), smith },
-            Surface::Burley(roughness) => {
-                let lobe = Burley { roughness, renormalised: false };
-                Shape::Burley { lobe, wo: not_below(direction_with_cosine(mu)) }
-            }
+            Surface::Burley(roughness) => Shape::Burley { lobe: burley(roughness), wo },
+            Surface::Charlie(alpha) => Shape::Charlie { lobe: charlie(alpha), wo },
         };
         Self { mu, sine, of, scale: 1.0 / albedo }
     }
@@ -101,6 +118,7 @@ impl Reflection {
         let (alpha, l_o, smith) = match self.of {
             Shape::Ggx { alpha, l_o, smith } => (alpha, l_o, smith),
             Shape::Burley { lobe, wo } => return lobe.f(wo, w) * w.z * self.scale,
+            Shape::Charlie { lobe, wo } => return lobe.f(wo, w) * w.z * self.scale,
         };
         let (h, a2) = (DVec3::new(h_x, w.y, w.z + mu), alpha * alpha);
         let flat = h.x * h.x + h.y * h.y;
@@ -110,7 +128,8 @@ impl Reflection {
     }
 
     /// How far its own singularities are from the real axis of τ: beside the mirror direction, and beside the horizons; and whether
-    /// the latter matter where β ends, by a rule of that promise. Polynomials have none.
+    /// the latter matter where β ends, by a rule of that promise. Polynomials have none, and a tip is looked at down to what covers
+    /// nothing.
     fn singularities(&self, promise: f64) -> (f64, f64, bool) {
         match self.of {
             Shape::Ggx { alpha, smith, .. } => {
@@ -120,6 +139,7 @@ impl Reflection {
                 (2.0 * width, below, alpha.powi(6) > TAIL * promise)
             }
             Shape::Burley { .. } => (PI, FRAC_PI_2, false),
+            Shape::Charlie { lobe, .. } => (TIP, elevation(self.mu).min(lobe.alpha).max(NEAREST), true),
         }
     }
 
@@ -129,6 +149,7 @@ impl Reflection {
         match self.of {
             Shape::Ggx { alpha, .. } => h_x.hypot(alpha * h_z),
             Shape::Burley { .. } => f64::INFINITY,
+            Shape::Charlie { .. } => h_x.abs().max(TIP),
         }
     }
 }
@@ -148,6 +169,8 @@ struct Panels<'a> {
 
 /// The least distance of a pole that is resolved, in parts of alpha: what is nearer to the horizon covers less than its square of the lobe.
 const NEAREST: f64 = 1e-7;
+/// How near to its tip a sheen is resolved: what is left has the third power of this at least.
+const TIP: f64 = 1e-3;
 /// Panels shorter than this are left out.
 const SLIVER: f64 = 1e-13;
 /// A tail of D² beside its peak that is lost in this part of a rule's promise.
@@ -184,8 +207,8 @@ impl<'a> Panels<'a> {
     /// The rules over a quarter of a circle.
     fn quarter(&self) -> &'a GradedRules {
         match self.reflection.of {
-            Shape::Ggx { .. } => &self.rung.quarter,
             Shape::Burley { .. } => &self.rung.doubled_quarter,
+            Shape::Ggx { .. } | Shape::Charlie { .. } => &self.rung.quarter,
         }
     }
 
@@ -308,7 +331,11 @@ mod tests {
             Ltc { x: [0.653, 21.2], y: 4036.0, z: [-0.12, 34.9] },
         ];
         for (mu, alpha) in [(0.0, 1.0), (0.0, 0.01), (0.02, 0.1), (0.2, 0.9), (0.5, 0.2), (1.0, 0.03), (0.001, 0.001)] {
-            for of in Smith::ALL.map(|smith| Surface::Ggx(alpha, smith)).into_iter().chain([Surface::Burley(alpha)]) {
+            for of in Smith::ALL
+                .map(|smith| Surface::Ggx(alpha, smith))
+                .into_iter()
+                .chain([Surface::Burley(alpha), Surface::Charlie(alpha.max(0.02))])
+            {
                 let reflection = Reflection::new(mu, of, of.albedo(mu, 1e-13));
                 for ltc in ltcs {
                     let (mut f, mut g) = (0.0, 0.0);

@@ -9,7 +9,7 @@
 //!
 //! The minimum is found by Gauss–Newton steps along the variations of [`Ltc`], in which a mirror's lobe is as wide as any, with what
 //! these leave out of the curvature learnt from step to step (the structured secant update of Dennis, Gay and Welsch 1981, of rank one).
-//! Of a diffuse lobe they begin at the cosine itself, of GGX at the limit for narrow lobes, to second order, derived here:
+//! Of a diffuse lobe and of a sheen they begin at the cosine itself, of GGX at the limit for narrow lobes, to second order, derived here:
 //!
 //! ```text
 //! n_x = (along the plane)/2α,   n_y = y/(2α μ),   n_z = ((1 + μ⁴)/2μ) z − sinθ ((1 + μ²)/2) x.
@@ -50,7 +50,7 @@ const ARRIVED: f64 = 1e-10;
 
 /// The best lobe for the surface seen at cosine `mu`; `is_good` tells when the two rules agree well enough.
 ///
-/// `mu` in [0, 1]; the alpha of GGX not below 1e-5.
+/// `mu` in [0, 1]; the alpha of GGX not below 1e-5, that of a sheen not below 0.01, which from above reflects 1e-17.
 pub fn ltc_fit(mu: f64, of: Surface, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
     let reflection = reflection(mu, of);
     let is_round = mu == 1.0;
@@ -104,7 +104,7 @@ impl LtcFit {
 fn start(mu: f64, of: Surface) -> Ltc {
     match of {
         Surface::Ggx(alpha, _) => narrow_limit(mu, alpha),
-        Surface::Burley(_) => Ltc::COSINE,
+        Surface::Burley(_) | Surface::Charlie(_) => Ltc::COSINE,
     }
 }
 
@@ -234,8 +234,8 @@ mod tests {
     }
 
     fn places() -> impl Iterator<Item = (f64, Surface)> {
-        let diffuse = [0.0, 0.4, 1.0].map(Surface::Burley);
-        MUS.into_iter().flat_map(move |mu| ALPHAS.map(ggx).into_iter().chain(diffuse).map(move |of| (mu, of)))
+        let others = [0.0, 1.0].map(Surface::Burley).into_iter().chain([0.01, 0.5].map(Surface::Charlie));
+        MUS.into_iter().flat_map(move |mu| ALPHAS.map(ggx).into_iter().chain(others.clone()).map(move |of| (mu, of)))
     }
 
     fn apart(a: &Ltc, b: &Ltc) -> f64 {

@@ -61,6 +61,7 @@ impl Kind {
             "ltc-lobe",
             "ltc-lobe-amplitude",
             "ltc-burley",
+            "ltc-charlie",
             "cloth-split",
             "generalized-schlick",
             "generalized-schlick-dielectric",
