@@ -8,7 +8,7 @@
 use crate::certificate::{self, Certificate};
 use crate::environment::{Orientation, Panorama, SphereLayout, SphereMap, atlas};
 use crate::error::{Error, Result};
-use crate::format::{self, Container, Decoded, FormatSpec, Grid, Image, Packing, Texture, source};
+use crate::format::{self, Container, Decoded, FormatSpec, Grid, Image, Packing, Texture, colour_order, source};
 use crate::pack::{PackReport, TexelFormat};
 use glam::DVec3;
 use serde::Serialize;
@@ -211,11 +211,9 @@ impl Content {
             let table = Certificate::from_json(image.metadata(certificate::KEY)?).ok()?.table?;
             table.channels.iter().map(|name| image.channel_index(name)).collect::<Option<Vec<usize>>>()
         };
-        let alpha = || image.channels.iter().position(|name| name.eq_ignore_ascii_case("A"));
-        let colour = || {
-            let rgb = image.colour_channels().ok().filter(|[r, _, b]| r != b)?;
-            (n == 3 || n == 4 && alpha().is_some()).then(|| rgb.into_iter().chain(alpha()).collect::<Vec<usize>>())
-        };
+        // Colour in a layer of its own, `diffuse.R` and so on, or alone.
+        let layer = || image.colour_channels().ok().filter(|[r, _, b]| r != b && n == 3).map(Vec::from);
+        let colour = || colour_order(&image.channels).or_else(layer);
         let order =
             of_certificate().filter(|order| order.len() == n).or_else(colour).unwrap_or_else(|| (0..n).collect());
         let values = image.texels.chunks_exact(n).flat_map(|t| order.iter().map(|&c| f64::from(t[c]))).collect();

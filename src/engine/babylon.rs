@@ -28,21 +28,17 @@ pub(super) static BABYLON: Engine = Engine {
         EngineTable { file: "ltc_2.raw", format: "raw:rgba16f", ..LTC_AMPLITUDE },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Babylon,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Sh,
-        irradiance_size: 32,
         format: "env",
         irradiance_format: "env",
         specular_file: "{name}.env",
         irradiance_file: "{name}_irradiance.env",
         sh: ShConvention::Babylon,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "BabylonJS/Babylon.js: hdrFiltering.ts, hdrFilteringFunctions.fx, environmentTextureTools.pure.ts, cubemapToSphericalPolynomial.ts, getBRDFLookup",
@@ -55,7 +51,10 @@ pub(super) static BABYLON: Engine = Engine {
         "the world is left-handed: glTF's +X, as Babylon.js imports it, is -X, and the cube is mirrored to match",
         "at r = 1 the irradiance is read, not a specular level; levels beyond alpha 1 hold alpha 1",
     ],
-    missing: &["the fuzz of OpenPBR: linearly transformed cosines of a sheen that scatters more than once"],
+    missing: &[
+        "the fuzz of OpenPBR, 32 x 32 codes of A, B and the albedo over sqrt(roughness) and mu: a fit to simulated fibres that scatter more than once \
+         (Zeltner, Burley and Chiang 2022), which no formula of a lobe gives",
+    ],
     usage: "CubeTexture.CreateFromPrefilteredData; scene.environmentBRDFTexture takes the table, isRGBD set, and scene.openPBREnvironmentBRDFTexture that of \
             OpenPBR materials, before the first of them is made. After the first area light is made, scene._ltcTextures.LTC1 and LTC2 take new \
             Uint16Array(buffer) of the two raw files by update()",

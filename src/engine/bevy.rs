@@ -17,21 +17,17 @@ pub(super) static BEVY: Engine = Engine {
         EngineTable { file: "ltc.ktx2", is_layer: true, format: "ktx2:rgba16f+zstd", ..LTC_AMPLITUDE },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Linear,
-        as_shipped: None,
         kernel: KernelKind::G1,
         orientation: "x,y,-z",
         irradiance: IrradianceKind::Cube,
-        irradiance_size: 32,
         format: "ktx2:rgb9e5+zstd",
         irradiance_format: "ktx2:rgb9e5+zstd",
         specular_file: "{name}_specular_rgb9e5_zstd.ktx2",
         irradiance_file: "{name}_diffuse_rgb9e5_zstd.ktx2",
-        sh: ShConvention::Kiln,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "bevyengine/bevy: crates/bevy_pbr/src/lib.rs, render/pbr_lighting.wesl, light_probe/, environment_map/dfg.ktx2, ltc/ltc.ktx2",

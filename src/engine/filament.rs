@@ -14,21 +14,17 @@ pub(super) static FILAMENT: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(16),
         roughness: RoughnessMap::Quadratic,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         orientation: "x,y,z",
         irradiance: IrradianceKind::Sh,
-        irradiance_size: 32,
         format: "ktx1:b10g11r11",
         irradiance_format: "ktx1:b10g11r11",
         specular_file: "{name}_ibl.ktx",
         irradiance_file: "{name}_irradiance.ktx",
         sh: ShConvention::Filament,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "google/filament: libs/ibl/src/CubemapIBL.cpp, CubemapSH.cpp, DFG.cpp; tools/cmgen; shaders/src/surface_light_indirect.fs; \

@@ -33,12 +33,9 @@ pub(super) static GLTF: Engine = Engine {
         },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(2),
         roughness: RoughnessMap::Linear,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         orientation: "x,y,z",
         irradiance: IrradianceKind::Cube,
         irradiance_size: 256,
@@ -46,8 +43,8 @@ pub(super) static GLTF: Engine = Engine {
         irradiance_format: "ktx2:rgba16f",
         specular_file: "specular.ktx2",
         irradiance_file: "diffuse.ktx2",
-        sh: ShConvention::Kiln,
         sheen_file: "charlie/sheen.ktx2",
+        ..CHAIN
     }),
     sources: &[
         "KhronosGroup/glTF-IBL-Sampler: filter.frag (6c818da), lib.cpp; KhronosGroup/glTF-Sample-Viewer: ibl.glsl (0120a8e), brdf.glsl, \

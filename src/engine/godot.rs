@@ -35,21 +35,16 @@ pub(super) static GODOT: Engine = Engine {
         },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::Count(8),
         roughness: RoughnessMap::Linear,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         orientation: "x,y,z",
         irradiance: IrradianceKind::LastLevel,
-        irradiance_size: 32,
         format: "dds:rgba16f",
         irradiance_format: "dds:rgba16f",
         specular_file: "{name}_radiance.dds",
         irradiance_file: "{name}_irradiance.dds",
-        sh: ShConvention::Kiln,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "godotengine/godot: integrate_dfg.glsl (e8387d6), octmap_roughness_raster.glsl, octmap_roughness_inc.glsl, the scene shader's V_GGX, \

@@ -18,18 +18,15 @@ pub(super) static MATERIALX: Engine = Engine {
         size: 256,
         levels: Levels::DownTo(2),
         roughness: RoughnessMap::MaterialX,
-        as_shipped: None,
         kernel: KernelKind::G1,
         // u = 1/2 + atan2(x, -z)/2pi: -Z in the middle.
         orientation: "z,y,-x",
         irradiance: IrradianceKind::Cube,
-        irradiance_size: 32,
         format: "exr:f32",
         irradiance_format: "exr:f32",
         specular_file: "{name}_specular.exr",
         irradiance_file: "{name}_irradiance.exr",
-        sh: ShConvention::Kiln,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "AcademySoftwareFoundation/MaterialX: mx_generate_albedo_table.glsl, mx_microfacet_sheen.glsl, mx_environment_prefilter.glsl, Viewer.cpp",

@@ -181,6 +181,25 @@ pub struct EngineEnvironment {
     pub sheen_file: &'static str,
 }
 
+/// What most environments are: a cube of N = V = R, filled as the shader reads it, no chain for sheens.
+const CHAIN: EngineEnvironment = EngineEnvironment {
+    layout: SphereLayout::Cube,
+    size: 256,
+    levels: Levels::DownTo(1),
+    roughness: RoughnessMap::Linear,
+    as_shipped: None,
+    kernel: KernelKind::Nol,
+    orientation: "x,y,z",
+    irradiance: IrradianceKind::None,
+    irradiance_size: 32,
+    format: "",
+    irradiance_format: "",
+    specular_file: "",
+    irradiance_file: "",
+    sh: ShConvention::Kiln,
+    sheen_file: "",
+};
+
 /// Where a chain ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Levels {

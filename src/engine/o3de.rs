@@ -33,22 +33,17 @@ pub(super) static O3DE: Engine = Engine {
         },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::Count(6),
         roughness: RoughnessMap::Steps(5.0),
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         // Its world is right-handed with Z up: (x, -z, y) of ours. The shader looks up (-x, z, -y) of that.
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Cube,
-        irradiance_size: 32,
         format: "dds:rgb9e5",
         irradiance_format: "dds:bc6h",
         specular_file: "{name}_iblspecularcm.dds",
         irradiance_file: "{name}_ibldiffusecm.dds",
-        sh: ShConvention::Kiln,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "o3de/o3de: BRDFTextureCS.azsl, BRDFTexture.attimage, LightingUtils.azsli, Ibl.azsli, Ltc.azsli, LtcCommon.cpp, IBL*.preset, CCubeMapProcessor.cpp",

@@ -16,16 +16,14 @@ pub(super) static PLAYCANVAS: Engine = Engine {
         levels: Levels::Count(6),
         roughness: RoughnessMap::Steps(5.0),
         as_shipped: Some(RoughnessMap::Elevenths),
-        kernel: KernelKind::Nol,
         orientation: atlas::ORIENTATION,
         irradiance: IrradianceKind::Cube,
-        irradiance_size: 32,
         format: "png:rgbp",
         irradiance_format: "png:rgbp",
         specular_file: "{name}_atlas.png",
         irradiance_file: "",
         sh: ShConvention::Playcanvas,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "playcanvas/engine: env-lighting.js, reproject-texture.js, the chunks envAtlas, reflectionEnv, ambient, spherical, decode",

@@ -17,21 +17,17 @@ pub(super) static THREEJS: Engine = Engine {
         EngineTable { file: "ltc_2.js", format: "js:f16", ..LTC_AMPLITUDE },
     ],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(8),
         roughness: RoughnessMap::Quadratic,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         orientation: "-x,y,z",
         irradiance: IrradianceKind::LastLevel,
-        irradiance_size: 32,
         format: "ktx2:uastc-hdr+zstd",
         irradiance_format: "ktx2:uastc-hdr+zstd",
         specular_file: "{name}.ktx2",
         irradiance_file: "{name}_irradiance.ktx2",
         sh: ShConvention::Threejs,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[
         "mrdoob/three.js: src/nodes/functions/BSDF/DFGLUT.js, DFGLUTData.js; PMREMGenerator of pull request 34585",

@@ -14,22 +14,17 @@ pub(super) static UNREAL: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 128,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Unreal,
-        as_shipped: None,
-        kernel: KernelKind::Nol,
         // Its world is left-handed with Z up: (x, z, y) of ours.
         orientation: "x,z,y",
         irradiance: IrradianceKind::None,
-        irradiance_size: 32,
         format: "dds:bc6h",
         irradiance_format: "dds:bc6h",
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
-        sh: ShConvention::Kiln,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &[],
     from_memory: &["all of it: check each value against your version before you rely on it"],

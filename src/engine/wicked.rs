@@ -14,21 +14,17 @@ pub(super) static WICKED: Engine = Engine {
         ..PLAIN
     }],
     environment: Some(EngineEnvironment {
-        layout: SphereLayout::Cube,
         size: 256,
         levels: Levels::DownTo(1),
         roughness: RoughnessMap::Count,
         as_shipped: Some(RoughnessMap::Linear),
-        kernel: KernelKind::Nol,
         orientation: "x,y,-z",
         irradiance: IrradianceKind::LastLevel,
-        irradiance_size: 32,
         format: "dds:bc6h",
         irradiance_format: "dds:bc6h",
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
-        sh: ShConvention::Kiln,
-        sheen_file: "",
+        ..CHAIN
     }),
     sources: &["turanszkij/WickedEngine: filterEnvMapCS.hlsl, lightingHF.hlsli, wiSheenLUT.h"],
     from_memory: &[

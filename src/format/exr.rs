@@ -22,7 +22,7 @@ mod read;
 
 pub use read::{decode, decode_texture, decode_with_number};
 
-use super::{Image, Texture};
+use super::{Image, Texture, colour_order};
 use crate::colour::Primaries;
 use crate::error::{Error, Result};
 use crate::pack::{Number, PackReport};
@@ -44,6 +44,10 @@ const FACES: [&str; 6] = ["+X", "-X", "+Y", "-Y", "+Z", "-Z"];
 
 /// The text attribute that tells how many levels are meant, where the last ones only complete the chain.
 pub const LEVELS_KEY: &str = "KilnLevels";
+
+/// The text attribute that tells in which order channels are meant, where that is neither the one of their names, in which OpenEXR has them,
+/// nor red, green, blue, alpha: a list in JSON.
+pub const CHANNELS_KEY: &str = "KilnChannels";
 
 /// Texels along the edge of a tile.
 const TILE: usize = 64;
@@ -110,7 +114,8 @@ pub fn encode_texture(texture: &Texture) -> Result<Vec<u8>> {
         names: if texture.faces == 6 { &FACES } else { &[""] },
     };
     let mut metadata = texture.metadata.clone();
-    metadata.retain(|(key, _)| key != LEVELS_KEY);
+    metadata.retain(|(key, _)| key != LEVELS_KEY && key != CHANNELS_KEY);
+    metadata.extend(order_to_tell(&channels));
     if n_levels == 1 {
         return contents.encode(&metadata, |face, _| texture.picture(0, face).unwrap_or_default());
     }
@@ -122,6 +127,23 @@ pub fn encode_texture(texture: &Texture) -> Result<Vec<u8>> {
         let beyond = || level.checked_sub(n_levels).and_then(|i| tails[face].get(i)).map(Vec::as_slice);
         texture.picture(level, face).or_else(beyond).unwrap_or_default()
     })
+}
+
+/// The attribute that tells the order of the channels, where a reader would not find it without.
+fn order_to_tell(channels: &[String]) -> Option<(String, String)> {
+    let mut sorted = channels.to_vec();
+    sorted.sort_unstable();
+    let found = colour_order(&sorted).map(|order| order.into_iter().map(|i| sorted[i].clone()).collect());
+    (found.unwrap_or(sorted) != channels).then(|| (CHANNELS_KEY.to_owned(), serde_json::json!(channels).to_string()))
+}
+
+/// Where the channels stand in the file, in the order that they are meant in.
+fn order_told(metadata: &[(String, String)], channels: &[String]) -> Option<Vec<usize>> {
+    let (_, told) = metadata.iter().find(|(key, _)| key == CHANNELS_KEY)?;
+    let told: Vec<String> = serde_json::from_str(told).ok()?;
+    let order = told.iter().map(|name| channels.iter().position(|c| c == name)).collect::<Option<Vec<usize>>>()?;
+    let is_whole = order.len() == channels.len() && (0..channels.len()).all(|channel| order.contains(&channel));
+    is_whole.then_some(order)
 }
 
 /// The levels of a face that its chain lacks down to one texel: averages of 2 × 2 texels, packed.

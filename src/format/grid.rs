@@ -8,7 +8,7 @@ mod stored;
 pub use described::{Described, RawNumber, Shape};
 pub use stored::Stored;
 
-use super::{Decoded, FileKind, Texture, decode};
+use super::{Decoded, FileKind, RGBA, Texture, decode};
 use crate::error::{Error, Result};
 use crate::pack::TexelFormat;
 use serde::Serialize;
@@ -168,8 +168,6 @@ impl Grid {
 
 /// What four bytes may be the codes of.
 pub const PACKINGS: [TexelFormat; 3] = [TexelFormat::Rgbd, TexelFormat::Rgbm, TexelFormat::Rgbp];
-
-const RGBA: [&str; 4] = ["R", "G", "B", "A"];
 
 /// The levels of the file at `path`, level 0 first, to be compared with another file's: of a cube, faces are slices.
 ///

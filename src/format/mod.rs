@@ -166,6 +166,19 @@ pub enum Decoded {
     Array(Array),
 }
 
+/// The letters of colour, as textures have their channels.
+const RGBA: [&str; 4] = ["R", "G", "B", "A"];
+
+/// Where red, green, blue and alpha stand among channels that are nothing else, in that order; upper or lower case. OpenEXR sorts
+/// channels by their names, which textures do not.
+pub(crate) fn colour_order(names: &[String]) -> Option<Vec<usize>> {
+    let letter = |name: &String| RGBA.iter().position(|letter| name.eq_ignore_ascii_case(letter));
+    let letters: Vec<usize> = names.iter().map(letter).collect::<Option<_>>()?;
+    let mut order: Vec<usize> = (0..names.len()).collect();
+    order.sort_by_key(|&channel| letters[channel]);
+    Some(order)
+}
+
 /// An array of numbers, last axis fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {

@@ -1,8 +1,9 @@
-//! Linearly transformed cosines: what shaders integrate GGX over area lights by.
+//! Linearly transformed cosines: what shaders integrate GGX, Disney's diffuse lobe and sheens over area lights by.
 //!
-//! The entries of the inverse matrix N = M⁻¹ of [`crate::model::ltc`], in parts of one of them, since its scale means nothing. The other
+//! The entries of the inverse matrix N = M⁻¹ of [`crate::model::ltc`], in parts of one of them, since its scale means nothing. Of GGX the other
 //! two numbers of a lobe, its albedo and the part of it that Schlick's reflectance weighs, are `ggx.albedo` and `ggx.bias`:
-//! with these, reflectance is F0·albedo + (F90 − F0)·bias, times the polygon seen through the lobe.
+//! with these, reflectance is F0·albedo + (F90 − F0)·bias, times the polygon seen through the lobe. Of the others it is
+//! `burley.albedo` and `charlie.albedo`.
 //!
 //! A fit is no integral, but it has a value all the same: the matrix at which a distance is least, see [`quadrature::ltc_fit`]. Its
 //! error is how well that place is known. How far the lobe is from the one that it stands for is another matter, which
@@ -13,11 +14,11 @@
 use super::quantity::{Approximation, Family, Identity, Model, Parameter, Point, Quantity};
 use crate::error::Result;
 use crate::integrate::monte_carlo::Stop;
+use crate::integrate::quadrature::Surface;
 use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::{direction_with_cosine, sine_of_cosine};
-use crate::model::Lobe;
 use crate::model::clipped_sphere::{clipped_sphere, clipped_sphere_rounding};
-use crate::model::ggx::{Ggx, Smith};
+use crate::model::ggx::Smith;
 use crate::model::ltc::{Ltc, VARIATIONS};
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -32,13 +33,30 @@ const FIT: &str = "of the matrix N that makes ∫ (g − f cosθ/E)² dω least,
 pub const LEAST_ALPHA: f64 = 1e-5;
 /// The same in parts of m22, in which entries grow as 1/alpha: Unity's tables, which are of halves, begin there.
 pub const LEAST_ALPHA_BY_M22: f64 = 1e-3;
-/// The same of the matrix that makes the lobe: at the horizon its entries do not vanish with alpha, and below this width random points no longer
-/// find them. Godot's shader reads from an alpha of 4e-4 on.
-pub const LEAST_ALPHA_OF_LOBE: f64 = 1e-4;
 
-/// `ltc.m00`, `ltc.m02`, `ltc.m20`, `ltc.m22`: in parts of m11.
+/// The narrowest sheen: seen from above, there is next to nothing of it.
+pub const LEAST_ALPHA_OF_SHEEN: f64 = 1e-2;
+
+/// Entries of the matrix of a fit, all in parts of one.
 #[derive(Debug)]
-pub struct ByM11;
+pub struct Entries<const N: usize> {
+    quantities: &'static [Quantity],
+    /// The surface at a point.
+    surface: fn(&Point, &Model) -> Result<Surface>,
+    of: fn(&Ltc) -> [f64; N],
+    /// Those that are off the diagonal.
+    off_diagonal: [usize; 2],
+    /// Those that are 1 as well where the lobe is seen from straight above.
+    ones: &'static [usize],
+    /// What entries are known to, in parts of the largest, whatever larger error is acceptable: where they grow like 1/alpha. Infinity where
+    /// nothing more is asked for than the tolerance.
+    relative: f64,
+    /// What is known of the narrowest lobes.
+    narrow: Option<Limit<N>>,
+}
+
+/// What is known of each entry at a cosine and an alpha, if anything.
+type Limit<const N: usize> = fn([f64; 2], &Model) -> Option<[Identity; N]>;
 
 /// An entry of the matrix: its name and summary, and the interval that it never leaves.
 const fn entry(name: &'static str, summary: &'static str, bounds: (f64, f64)) -> Quantity {
@@ -53,12 +71,132 @@ const fn entry(name: &'static str, summary: &'static str, bounds: (f64, f64)) ->
     }
 }
 
-static BY_M11: [Quantity; 4] = [
-    entry("ltc.m00", "inverse matrix of the lobe for area lights: m00/m11, n_x of x", (0.0, 2.0)),
-    entry("ltc.m02", "m02/m11 of the same: n_x of z", (-1.0, 1.0)),
-    entry("ltc.m20", "m20/m11 of the same: n_z of x", (-1.0, 1.0)),
-    entry("ltc.m22", "m22/m11 of the same: n_z of z", (0.0, 4.0)),
-];
+/// The same of the diffuse lobe, over the artist's roughness.
+const fn diffuse(name: &'static str, summary: &'static str, bounds: (f64, f64)) -> Quantity {
+    Quantity { parameters: &[Parameter::Mu, Parameter::Roughness], ..entry(name, summary, bounds) }
+}
+
+/// GGX, no narrower than that.
+fn ggx(at: &Point, model: &Model, least: f64) -> Result<Surface> {
+    Ok(Surface::Ggx(at.get(Parameter::Alpha)?.max(least), model.smith))
+}
+
+/// `ltc.m00`, `ltc.m02`, `ltc.m20`, `ltc.m22`: in parts of m11.
+pub static BY_M11: Entries<4> = Entries {
+    quantities: &[
+        entry("ltc.m00", "inverse matrix of the lobe for area lights: m00/m11, n_x of x", (0.0, 2.0)),
+        entry("ltc.m02", "m02/m11 of the same: n_x of z", (-1.0, 1.0)),
+        entry("ltc.m20", "m20/m11 of the same: n_z of x", (-1.0, 1.0)),
+        entry("ltc.m22", "m22/m11 of the same: n_z of z", (0.0, 4.0)),
+    ],
+    surface: |at, model| ggx(at, model, LEAST_ALPHA),
+    of: Ltc::by_m11,
+    off_diagonal: [1, 2],
+    ones: &[0],
+    relative: f64::INFINITY,
+    narrow: Some(frame_of_the_mirror),
+};
+
+/// `ltc-m22.m00`, `ltc-m22.m02`, `ltc-m22.m20`, `ltc-m22.m11`: in parts of m22.
+pub static BY_M22: Entries<4> = Entries {
+    quantities: &[
+        entry(
+            "ltc-m22.m00",
+            "inverse matrix of the lobe for area lights in parts of m22: m00/m22, n_x of x",
+            (0.0, 1e4),
+        ),
+        entry("ltc-m22.m02", "m02/m22 of the same: n_x of z", (-1e4, 1e4)),
+        entry("ltc-m22.m20", "m20/m22 of the same: n_z of x", (-1e4, 1e4)),
+        entry("ltc-m22.m11", "m11/m22 of the same: n_y of y", (0.0, 1e4)),
+    ],
+    surface: |at, model| ggx(at, model, LEAST_ALPHA_BY_M22),
+    of: Ltc::by_m22,
+    off_diagonal: [1, 2],
+    ones: &[],
+    relative: LARGE,
+    narrow: None,
+};
+
+/// `ltc-m00.m02`, `ltc-m00.m20`, `ltc-m00.m11`, `ltc-m00.m22`: in parts of m00, as the first published tables were.
+pub static BY_M00: Entries<4> = Entries {
+    quantities: &[
+        entry(
+            "ltc-m00.m02",
+            "inverse matrix of the lobe for area lights in parts of m00: m02/m00, n_x of z",
+            (-1e7, 1e7),
+        ),
+        entry("ltc-m00.m20", "m20/m00 of the same: n_z of x", (-1e7, 1e7)),
+        entry("ltc-m00.m11", "m11/m00 of the same: n_y of y", (0.0, 1e7)),
+        entry("ltc-m00.m22", "m22/m00 of the same: n_z of z", (0.0, 1e7)),
+    ],
+    surface: |at, model| ggx(at, model, LEAST_ALPHA_BY_M22),
+    of: Ltc::by_m00,
+    off_diagonal: [0, 1],
+    ones: &[2],
+    relative: LARGE,
+    narrow: None,
+};
+
+/// `ltc-lobe.m00`, `.m20`, `.m11`, `.m02` and `.m22`: the matrix that makes the lobe of the cosine, not its inverse.
+pub static LOBE: Entries<5> = Entries {
+    quantities: &[
+        entry(
+            "ltc-lobe.m00",
+            "matrix M = N⁻¹ that makes the lobe for area lights of the cosine, M z of length 1: x of x",
+            (0.0, 4.0),
+        ),
+        entry("ltc-lobe.m20", "m20 of the same: z of x", (-2.0, 2.0)),
+        entry("ltc-lobe.m11", "m11 of the same: y of y", (0.0, 2.0)),
+        entry("ltc-lobe.m02", "m02 of the same: x of z, towards the mirror direction", (-1.0, 0.0)),
+        entry("ltc-lobe.m22", "m22 of the same: z of z", (0.0, 1.0)),
+    ],
+    surface: |at, model| ggx(at, model, LEAST_ALPHA),
+    of: Ltc::lobe_matrix,
+    off_diagonal: [1, 3],
+    ones: &[4],
+    relative: f64::INFINITY,
+    narrow: None,
+};
+
+/// `ltc-burley.m00`, `ltc-burley.m02`, `ltc-burley.m20`, `ltc-burley.m11`: of Disney's diffuse lobe, in parts of m22.
+pub static BURLEY: Entries<4> = Entries {
+    quantities: &[
+        diffuse(
+            "ltc-burley.m00",
+            "inverse matrix of Disney's diffuse lobe for area lights in parts of m22: m00/m22, n_x of x",
+            (0.5, 1.5),
+        ),
+        diffuse("ltc-burley.m02", "m02/m22 of the same: n_x of z", (-0.5, 0.5)),
+        diffuse("ltc-burley.m20", "m20/m22 of the same: n_z of x", (-0.5, 0.5)),
+        diffuse("ltc-burley.m11", "m11/m22 of the same: n_y of y", (0.5, 1.5)),
+    ],
+    surface: |at, _| Ok(Surface::Burley(at.get(Parameter::Roughness)?)),
+    of: Ltc::by_m22,
+    off_diagonal: [1, 2],
+    ones: &[],
+    relative: f64::INFINITY,
+    narrow: None,
+};
+
+/// `ltc-charlie.m00`, `ltc-charlie.m02`, `ltc-charlie.m20`, `ltc-charlie.m11`: of the sheen with Neubelt's visibility, in parts of m22.
+pub static CHARLIE: Entries<4> = Entries {
+    quantities: &[
+        entry(
+            "ltc-charlie.m00",
+            "inverse matrix of Charlie's sheen (Neubelt's visibility) for area lights in parts of m22: m00/m22, n_x of x",
+            (0.0, 1.1),
+        ),
+        entry("ltc-charlie.m02", "m02/m22 of the same: n_x of z", (-3.0, 0.1)),
+        entry("ltc-charlie.m20", "m20/m22 of the same: n_z of x", (-0.1, 0.3)),
+        entry("ltc-charlie.m11", "m11/m22 of the same: n_y of y", (0.0, 1.1)),
+    ],
+    surface: |at, _| Ok(Surface::Charlie(at.get(Parameter::Alpha)?.max(LEAST_ALPHA_OF_SHEEN))),
+    of: Ltc::by_m22,
+    off_diagonal: [1, 2],
+    ones: &[],
+    relative: f64::INFINITY,
+    narrow: None,
+};
 
 /// What the difference of two rules is multiplied with to be a bound: each is better than the one before by more than a half, and a test scans
 /// the domain for values that break it.
@@ -74,10 +212,6 @@ const ENOUGH: f64 = 2e-4;
 /// Points from which the random witness learns how far a gradient leads.
 const CURVATURE_SAMPLES: u64 = 4096;
 
-fn place(at: &Point, least: f64) -> Result<(f64, f64)> {
-    Ok((at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?.max(least)))
-}
-
 /// The variation by which the sensitivity of an entry is found: small enough for its square not to matter.
 const VARIATION: f64 = 1e-5;
 
@@ -92,111 +226,101 @@ fn sensitivities<const N: usize>(ltc: &Ltc, of: &impl Fn(&Ltc) -> [f64; N]) -> [
     sums
 }
 
-/// What entries that grow like 1/alpha are known to, in parts of the largest, whatever larger error is acceptable.
-const RELATIVE: f64 = 1e-8;
-/// Of entries that do not, nothing more is asked for than the tolerance.
-const ANY: f64 = f64::INFINITY;
+/// What entries that grow like 1/alpha are known to.
+const LARGE: f64 = 1e-8;
 
-/// Which entries of a matrix are off its diagonal.
-type OffDiagonal = fn(usize) -> bool;
+impl<const N: usize> Entries<N> {
+    fn place(&self, at: &Point, model: &Model) -> Result<(f64, Surface)> {
+        Ok((at.get(Parameter::Mu)?, (self.surface)(at, model)?))
+    }
 
-/// The entries of a fit, and the bound that its two rules give them: how far apart their entries are, or their lobes as a variation, in which a
-/// narrow lobe is like any, times what the entry makes of one, whichever is less. Entries off the diagonal are nothing where the lobe is round about the
-/// normal: seen from straight above, and at alpha 1, where facets point everywhere alike and masking knows elevations only.
-fn entries<const N: usize>(
-    at: (f64, f64),
-    smith: Smith,
-    [tolerance, relative]: [f64; 2],
-    of: impl Fn(&Ltc) -> [f64; N],
-    is_off_diagonal: OffDiagonal,
-) -> Vec<Estimate> {
-    let errors = |fit: &quadrature::LtcFit| {
+    /// The bounds that the two rules of a fit give its entries: how far apart these are, or their lobes as a variation, in which a narrow lobe
+    /// is like any, times what the entry makes of one, whichever is less.
+    fn errors(&self, fit: &quadrature::LtcFit) -> [f64; N] {
         // The largest difference speaks for all, of entries and of variations: either bounds every entry.
-        let step = fit.ltc.step_from(&fit.coarser).iter().fold(0.0, |most: f64, step| most.max(step.abs()));
-        let (values, coarser, slopes) = (of(&fit.ltc), of(&fit.coarser), sensitivities(&fit.ltc, &of));
+        let (values, coarser, slopes) =
+            ((self.of)(&fit.ltc), (self.of)(&fit.coarser), sensitivities(&fit.ltc, &self.of));
         let apart = values.iter().zip(coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let largest = values.iter().fold(1.0, |most: f64, value| most.max(value.abs()));
+        let largest = largest(&values);
         slopes.map(|slope| {
             let slope = slope.max(f64::EPSILON * largest);
             let of_entries = SAFETY * (apart + fit.promise * largest) + ROUNDING * largest;
-            of_entries.min((SAFETY * (step + fit.promise) + ROUNDING) * slope)
+            of_entries.min((SAFETY * (fit.step() + fit.promise) + ROUNDING) * slope)
         })
-    };
-    let fit = quadrature::ltc_fit(at.0, at.1, smith, |fit| {
-        // A tolerance that the largest of large entries asks for is not one for the small ones beside it.
-        let largest = of(&fit.ltc).iter().fold(1.0, |most: f64, value| most.max(value.abs()));
-        errors(fit).iter().all(|error| *error <= tolerance.min(relative * largest))
-    });
-    let (values, errors) = (of(&fit.ltc), errors(&fit));
-    let is_round = at.0 == 1.0 || at.1 == 1.0;
-    let entry = |i| {
-        if is_round && is_off_diagonal(i) { Estimate::bound(0.0, 0.0) } else { Estimate::bound(values[i], errors[i]) }
-    };
-    (0..N).map(entry).collect()
-}
-
-/// The same by the random witness: the standard errors of a step, each times what the entry makes of it.
-fn random_entries<const N: usize>(
-    (mu, alpha): (f64, f64),
-    smith: Smith,
-    integration: &Integration,
-    of: impl Fn(&Ltc) -> [f64; N],
-) -> Vec<Estimate> {
-    let whole = |ltc: &Ltc| sensitivities(ltc, &of).into_iter().fold(1.0, f64::max);
-    let (ltc, steps) = random_step(mu, alpha, smith, integration, whole);
-    let values = of(&ltc);
-    let mut errors = sensitivities(&ltc, &of).map(|slope| START * slope.max(1.0));
-    for (k, step) in steps.into_iter().enumerate() {
-        let there = of(&ltc.varied(std::array::from_fn(|i| if i == k { VARIATION } else { 0.0 })));
-        for i in 0..N {
-            errors[i] += step * (there[i] - values[i]).abs() / VARIATION;
-        }
     }
-    values.into_iter().zip(errors).map(|(value, error)| Estimate::sigma(value, error)).collect()
 }
 
-fn approximation((mu, alpha): (f64, f64), smith: Smith) -> Approximation {
-    let ltc = quadrature::ltc_fit_quickly(mu, alpha, smith);
-    let distance = quadrature::ltc_distance(mu, alpha, smith, &ltc);
-    Approximation { total_variation: distance.total_variation, square: distance.square }
+fn largest(entries: &[f64]) -> f64 {
+    entries.iter().fold(1.0, |most: f64, value| most.max(value.abs()))
 }
 
-impl Family for ByM11 {
+impl<const N: usize> Family for Entries<N> {
     fn quantities(&self) -> &'static [Quantity] {
-        &BY_M11
+        self.quantities
     }
 
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
-        Ok(entries(place(at, LEAST_ALPHA)?, model.smith, [tolerance, ANY], Ltc::by_m11, |i| i == 1 || i == 2))
+        let (mu, surface) = self.place(at, model)?;
+        let fit = quadrature::ltc_fit(mu, surface, |fit| {
+            // A tolerance that the largest of large entries asks for is not one for the small ones beside it.
+            let enough = tolerance.min(self.relative * largest(&(self.of)(&fit.ltc)));
+            self.errors(fit).iter().all(|error| *error <= enough)
+        });
+        let (values, errors) = ((self.of)(&fit.ltc), self.errors(&fit));
+        let is_nothing = |i| surface.is_round(mu) && self.off_diagonal.contains(&i);
+        let entry = |i| if is_nothing(i) { Estimate::bound(0.0, 0.0) } else { Estimate::bound(values[i], errors[i]) };
+        Ok((0..N).map(entry).collect())
     }
 
+    /// The standard errors of a step, each times what the entry makes of it.
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
-        Ok(random_entries(place(at, LEAST_ALPHA)?, model.smith, integration, Ltc::by_m11))
+        let (mu, surface) = self.place(at, model)?;
+        let whole = |ltc: &Ltc| sensitivities(ltc, &self.of).into_iter().fold(1.0, f64::max);
+        let (ltc, steps) = random_step(mu, surface, integration, whole);
+        let values = (self.of)(&ltc);
+        let mut errors = sensitivities(&ltc, &self.of).map(|slope| START * slope.max(1.0));
+        for (k, step) in steps.into_iter().enumerate() {
+            let there = (self.of)(&ltc.varied(std::array::from_fn(|i| if i == k { VARIATION } else { 0.0 })));
+            for i in 0..N {
+                errors[i] += step * (there[i] - values[i]).abs() / VARIATION;
+            }
+        }
+        Ok(values.into_iter().zip(errors).map(|(value, error)| Estimate::sigma(value, error)).collect())
     }
 
     fn identities(&self, at: &Point, model: &Model) -> Vec<Identity> {
-        let Ok((mu, alpha)) = place(at, LEAST_ALPHA) else { return vec![] };
+        let Ok((mu, surface)) = self.place(at, model) else { return vec![] };
         let mut known = vec![];
         if mu == 1.0 {
-            for (quantity, value) in [(0, 1.0), (1, 0.0), (2, 0.0)] {
-                known.push(Identity { quantity, value, slack: 0.0, fact: "a lobe seen from straight above is round" });
-            }
+            let fact = "a lobe seen from straight above is round";
+            let zeros = self.off_diagonal.iter().map(|&quantity| (quantity, 0.0));
+            let all = self.ones.iter().map(|&quantity| (quantity, 1.0)).chain(zeros);
+            known.extend(all.map(|(quantity, value)| Identity { quantity, value, slack: 0.0, fact }));
         }
-        // Schlick's k for lamps keeps a mirror's masking from being flat.
-        if alpha <= mu * MIRROR_RATIO && model.smith != Smith::SchlickDirect {
-            let sine = sine_of_cosine(mu);
-            let limit = [mu * mu, mu * sine, -alpha * mu * sine * (1.0 + mu * mu), alpha * (1.0 + mu.powi(4))];
-            for (quantity, value) in limit.into_iter().enumerate() {
-                let slack = MIRROR_SLACK * (alpha / mu).powi(2);
-                known.push(Identity { quantity, value, slack, fact: "frame of the mirror as alpha → 0" });
-            }
+        if let (Some(narrow), Surface::Ggx(alpha, _)) = (self.narrow, surface) {
+            known.extend(narrow([mu, alpha], model).into_iter().flatten());
         }
         known
     }
 
     fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
-        Some(approximation(place(at, LEAST_ALPHA).ok()?, model.smith))
+        let (mu, surface) = self.place(at, model).ok()?;
+        let ltc = quadrature::ltc_fit_quickly(mu, surface);
+        let distance = quadrature::ltc_distance(mu, surface, &ltc);
+        Some(Approximation { total_variation: distance.total_variation, square: distance.square })
     }
+}
+
+/// The limit of [`BY_M11`] for narrow lobes, where it is known.
+fn frame_of_the_mirror([mu, alpha]: [f64; 2], model: &Model) -> Option<[Identity; 4]> {
+    // Schlick's k for lamps keeps a mirror's masking from being flat.
+    if alpha > mu * MIRROR_RATIO || model.smith == Smith::SchlickDirect {
+        return None;
+    }
+    let sine = sine_of_cosine(mu);
+    let limit = [mu * mu, mu * sine, -alpha * mu * sine * (1.0 + mu * mu), alpha * (1.0 + mu.powi(4))];
+    let (slack, fact) = (MIRROR_SLACK * (alpha / mu).powi(2), "frame of the mirror as alpha → 0");
+    Some(std::array::from_fn(|quantity| Identity { quantity, value: limit[quantity], slack, fact }))
 }
 
 /// The limit for narrow lobes is a fact where alpha is at most this part of mu …
@@ -204,139 +328,22 @@ const MIRROR_RATIO: f64 = 0.01;
 /// … to within this multiple of the square of that part: measured over that whole region (a test scans it).
 const MIRROR_SLACK: f64 = 1.0;
 
-/// `ltc-m22.m00`, `ltc-m22.m02`, `ltc-m22.m20`, `ltc-m22.m11`: in parts of m22.
-#[derive(Debug)]
-pub struct ByM22;
-
-static BY_M22: [Quantity; 4] = [
-    entry("ltc-m22.m00", "inverse matrix of the lobe for area lights in parts of m22: m00/m22, n_x of x", (0.0, 1e4)),
-    entry("ltc-m22.m02", "m02/m22 of the same: n_x of z", (-1e4, 1e4)),
-    entry("ltc-m22.m20", "m20/m22 of the same: n_z of x", (-1e4, 1e4)),
-    entry("ltc-m22.m11", "m11/m22 of the same: n_y of y", (0.0, 1e4)),
-];
-
-impl Family for ByM22 {
-    fn quantities(&self) -> &'static [Quantity] {
-        &BY_M22
-    }
-
-    fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
-        Ok(entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, [tolerance, RELATIVE], Ltc::by_m22, |i| {
-            i == 1 || i == 2
-        }))
-    }
-
-    fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
-        Ok(random_entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, integration, Ltc::by_m22))
-    }
-
-    fn identities(&self, at: &Point, _: &Model) -> Vec<Identity> {
-        round_from_above(at, [(1, 0.0), (2, 0.0)])
-    }
-
-    fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
-        Some(approximation(place(at, LEAST_ALPHA_BY_M22).ok()?, model.smith))
-    }
-}
-
-/// What is known of a lobe that is seen from straight above.
-fn round_from_above<const N: usize>(at: &Point, known: [(usize, f64); N]) -> Vec<Identity> {
-    let fact = "a lobe seen from straight above is round";
-    let is_above = at.get(Parameter::Mu).is_ok_and(|mu| mu == 1.0);
-    let known = known.into_iter().filter(|_| is_above);
-    known.map(|(quantity, value)| Identity { quantity, value, slack: 0.0, fact }).collect()
-}
-
-/// `ltc-m00.m02`, `ltc-m00.m20`, `ltc-m00.m11`, `ltc-m00.m22`: in parts of m00, as the first published tables were.
-#[derive(Debug)]
-pub struct ByM00;
-
-static BY_M00: [Quantity; 4] = [
-    entry("ltc-m00.m02", "inverse matrix of the lobe for area lights in parts of m00: m02/m00, n_x of z", (-1e7, 1e7)),
-    entry("ltc-m00.m20", "m20/m00 of the same: n_z of x", (-1e7, 1e7)),
-    entry("ltc-m00.m11", "m11/m00 of the same: n_y of y", (0.0, 1e7)),
-    entry("ltc-m00.m22", "m22/m00 of the same: n_z of z", (0.0, 1e7)),
-];
-
-impl Family for ByM00 {
-    fn quantities(&self) -> &'static [Quantity] {
-        &BY_M00
-    }
-
-    fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
-        Ok(entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, [tolerance, RELATIVE], Ltc::by_m00, |i| i < 2))
-    }
-
-    fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
-        Ok(random_entries(place(at, LEAST_ALPHA_BY_M22)?, model.smith, integration, Ltc::by_m00))
-    }
-
-    fn identities(&self, at: &Point, _: &Model) -> Vec<Identity> {
-        round_from_above(at, [(0, 0.0), (1, 0.0), (2, 1.0)])
-    }
-
-    fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
-        Some(approximation(place(at, LEAST_ALPHA_BY_M22).ok()?, model.smith))
-    }
-}
-
-/// `ltc-lobe.m00`, `.m20`, `.m11`, `.m02` and `.m22`: the matrix that makes the lobe of the cosine, not its inverse.
-#[derive(Debug)]
-pub struct Forward;
-
-static FORWARD: [Quantity; 5] = [
-    entry(
-        "ltc-lobe.m00",
-        "matrix M = N⁻¹ that makes the lobe for area lights of the cosine, M z of length 1: x of x",
-        (0.0, 4.0),
-    ),
-    entry("ltc-lobe.m20", "m20 of the same: z of x", (-2.0, 2.0)),
-    entry("ltc-lobe.m11", "m11 of the same: y of y", (0.0, 2.0)),
-    entry("ltc-lobe.m02", "m02 of the same: x of z, towards the mirror direction", (-1.0, 0.0)),
-    entry("ltc-lobe.m22", "m22 of the same: z of z", (0.0, 1.0)),
-];
-
-impl Family for Forward {
-    fn quantities(&self) -> &'static [Quantity] {
-        &FORWARD
-    }
-
-    fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
-        Ok(entries(place(at, LEAST_ALPHA_OF_LOBE)?, model.smith, [tolerance, ANY], Ltc::lobe_matrix, |i| {
-            i == 1 || i == 3
-        }))
-    }
-
-    fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
-        Ok(random_entries(place(at, LEAST_ALPHA_OF_LOBE)?, model.smith, integration, Ltc::lobe_matrix))
-    }
-
-    fn identities(&self, at: &Point, _: &Model) -> Vec<Identity> {
-        round_from_above(at, [(1, 0.0), (3, 0.0), (4, 1.0)])
-    }
-
-    fn approximation(&self, at: &Point, model: &Model) -> Option<Approximation> {
-        Some(approximation(place(at, LEAST_ALPHA_OF_LOBE).ok()?, model.smith))
-    }
-}
-
 /// The lobe to which a step from the deterministic fit leads that random points ask for, and the standard error of each of its
 /// variations: nothing but the gradient being 0 makes the step 0, whatever the other witness has found.
 ///
-/// Each point is used twice, as a direction drawn from GGX itself and as one drawn from the fitted lobe, with the balance heuristic between the two:
+/// Each point is used twice, as a direction drawn from the surface's own lobe and as one drawn from the fitted lobe, with the balance heuristic between the two:
 /// no weight exceeds 2.
 ///
 /// `sensitivity` is what an error of a step is multiplied with before it is held against the tolerance.
 fn random_step(
     mu: f64,
-    alpha: f64,
-    smith: Smith,
+    surface: Surface,
     integration: &Integration,
     sensitivity: impl Fn(&Ltc) -> f64,
 ) -> (Ltc, [f64; VARIATIONS]) {
-    let albedo = quadrature::ggx_albedo(mu, alpha, smith, START).value;
-    let ltc = quadrature::ltc_fit(mu, alpha, smith, |fit| fit.change() <= START).ltc;
-    let (lobe, wo) = (Ggx::isotropic(alpha, smith), direction_with_cosine(mu));
+    let albedo = surface.albedo(mu, START);
+    let ltc = quadrature::ltc_fit(mu, surface, |fit| fit.step() <= START).ltc;
+    let (lobe, wo) = (surface.lobe(), quadrature::not_below(direction_with_cosine(mu)));
     let directions = |u: [f64; 2]| [lobe.sample(wo, u).map(|sample| sample.wi), Some(ltc.sample(u))];
     // The difference of the lobes, the slopes, and 1 over the density of a direction.
     let seen = |w: DVec3| {

@@ -358,6 +358,22 @@ pub static TABLES: &[NamedTable] = &[
         tolerance: None,
     },
     NamedTable {
+        name: "ltc-burley",
+        summary: "the inverse matrix of Disney's diffuse lobe in parts of m22, as Unity has it: m00, m20, m11, m02",
+        channels: &["ltc-burley.m00", "ltc-burley.m20", "ltc-burley.m11", "ltc-burley.m02"],
+        axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+        at: &[],
+        tolerance: None,
+    },
+    NamedTable {
+        name: "ltc-charlie",
+        summary: "the inverse matrix of Charlie's sheen, with Neubelt's visibility, in parts of m22: m00, m20, m11, m02",
+        channels: &["ltc-charlie.m00", "ltc-charlie.m20", "ltc-charlie.m11", "ltc-charlie.m02"],
+        axes: &["roughness:64:edge", "mu:64:sqrt-one-minus:edge"],
+        at: &[],
+        tolerance: Some(1e-5),
+    },
+    NamedTable {
         name: "clipped-sphere",
         summary: "the form factor of a sphere cut off by the horizon, on its own",
         channels: &["sphere.clipped"],

@@ -6,7 +6,7 @@ use crate::support::kiln::succeed;
 use crate::support::{browser, tools};
 use glam::DVec3;
 use kiln::certificate::Certificate;
-use kiln::integrate::quadrature::{ggx_albedo, ltc_distance, ltc_fit_quickly};
+use kiln::integrate::quadrature::{Surface, ggx_albedo, ltc_distance, ltc_fit_quickly};
 use kiln::math::frame::direction_with_cosine;
 use kiln::model::Lobe;
 use kiln::model::clipped_sphere::clipped_sphere;
@@ -77,7 +77,7 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
         for x in (9..N).step_by(9) {
             let ((mu, roughness), at) = (place(x, y), 4 * (y * N + x));
             let alpha = roughness * roughness;
-            let fit = ltc_fit_quickly(mu, alpha, Smith::Correlated);
+            let fit = ltc_fit_quickly(mu, Surface::Ggx(alpha, Smith::Correlated));
             let (own, published) =
                 (distances(mu, alpha, &fit), distances(mu, alpha, &from_columns(&matrices[at..at + 4])));
             for (k, (&a, &b)) in own.iter().zip(&published).enumerate() {
@@ -88,7 +88,7 @@ fn fits_are_nearer_to_ggx_than_the_published_ones_by_every_power() {
             }
             n += 1.0;
             // The certificate's figures are these, but for what so few points make of kinks.
-            let said = ltc_distance(mu, alpha, Smith::Correlated, &fit);
+            let said = ltc_distance(mu, Surface::Ggx(alpha, Smith::Correlated), &fit);
             for (said, found) in [said.total_variation, said.square, said.cube].into_iter().zip(own) {
                 assert!(
                     (said - found).abs() < 0.02 * found + 1e-4,

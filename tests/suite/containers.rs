@@ -634,6 +634,20 @@ fn channels_of_an_openexr_come_in_the_order_that_was_meant() {
     let (exr, _) = format::exr::encode(&image, Number::F32).unwrap();
     let (ktx2, _) = converted(&exr, &conversion("ktx2:rgba32f")).unwrap();
     assert_eq!(ktx2::decode(&ktx2).unwrap().values(0), [1.5, 2.0, 3.0, 1.0]);
+    // Of two as well, which is what a texture of one quantity and a channel to spare becomes.
+    let image = kiln::format::Image::new(1, 1, &["G", "R"], vec![2.0_f64, 1.5]).unwrap();
+    let (exr, _) = format::exr::encode(&image, Number::F32).unwrap();
+    let (ktx2, _) = converted(&exr, &conversion("ktx2:rg32f")).unwrap();
+    assert_eq!(ktx2::decode(&ktx2).unwrap().values(0), [1.5, 2.0]);
+    // Names that a certificate brought there stand in their order when it is gone: of three layers of slices, too.
+    for (name, size) in [("dfg", "4x4"), ("dielectric", "4x4x4")] {
+        let mut recipe = TableRecipe::named(name, "ktx2:rg32f".parse().unwrap()).unwrap();
+        recipe.axes.iter_mut().for_each(|axis| axis.size = 4);
+        let table = bake::table(&recipe, &|_| {}).unwrap().files.remove(0).1;
+        let (exr, _) = converted(&table, &conversion("exr:f32")).unwrap();
+        let (back, _) = converted(&exr, &conversion("ktx2:rg32f")).unwrap();
+        assert_eq!(ktx2::decode(&back).unwrap().levels, ktx2::decode(&table).unwrap().levels, "{name} {size}");
+    }
     // The scale comes first in the table, the bias in the OpenEXR.
     let dfg = |format: &str| {
         let mut recipe = TableRecipe::named("dfg", format.parse().unwrap()).unwrap();

@@ -1,10 +1,10 @@
 //! Reading OpenEXR; what is read and what refused stands at the head of the parent module.
 
 use super::contain::contained;
-use super::{FACES, LEVELS_KEY, to_native};
+use super::{CHANNELS_KEY, FACES, LEVELS_KEY, order_told, to_native};
 use crate::colour::Primaries;
 use crate::error::{Error, Result};
-use crate::format::{Image, Texture, memory};
+use crate::format::{Image, Texture, colour_order, memory};
 use crate::pack::{Number, TexelFormat};
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
@@ -54,14 +54,15 @@ fn decode_uncontained(bytes: &[u8]) -> Result<(Image, Number)> {
     memory::check_room(room, &size)?;
     let mut texels = vec![0.0; view.width * view.height * numbers.len()];
     for_blocks(&mut chunks, n_blocks, &meta_data, |block| view.place(block, &numbers, &mut texels))?;
-    let image = Image {
-        width: view.width,
-        height: view.height,
-        channels: header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect(),
-        texels,
-        metadata: metadata(&header),
-        primaries: primaries(&header)?,
-    };
+    let mut metadata = metadata(&header);
+    let mut channels = names(&header);
+    if let Some(order) = order_told(&metadata, &channels) {
+        texels = texels.chunks_exact(order.len()).flat_map(|texel| order.iter().map(|&c| texel[c])).collect();
+        channels = order.iter().map(|&c| channels[c].clone()).collect();
+    }
+    metadata.retain(|(key, _)| key != CHANNELS_KEY);
+    let primaries = primaries(&header)?;
+    let image = Image { width: view.width, height: view.height, channels, texels, metadata, primaries };
     Ok((image, if numbers.contains(&Number::F16) { Number::F16 } else { Number::F32 }))
 }
 
@@ -101,12 +102,15 @@ fn texture_uncontained(bytes: &[u8]) -> Result<Option<Texture>> {
     if !headers.iter().all(alike) || is_cube && data.size.x() != data.size.y() {
         return Err(Error::invalid("faces of an OpenEXR that are not alike and square", "save the cube again"));
     }
-    let metadata = metadata(header);
+    let mut metadata = metadata(header);
     let meant = metadata.iter().find(|(key, _)| key == LEVELS_KEY).and_then(|(_, levels)| levels.parse::<usize>().ok());
     let kept = meant.unwrap_or(n_levels).clamp(1, n_levels);
 
-    let names: Vec<String> = header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect();
-    let (order, channels) = colour_first(names);
+    let names = names(header);
+    let order = order_told(&metadata, &names).or_else(|| colour_order(&names));
+    let order = order.unwrap_or_else(|| (0..names.len()).collect());
+    metadata.retain(|(key, _)| key != CHANNELS_KEY);
+    let channels: Vec<String> = order.iter().map(|&channel| names[channel].clone()).collect();
     let number = if numbers.contains(&Number::F32) { Number::F32 } else { Number::F16 };
     let format = TexelFormat::Plain { channels: channels.len(), number };
     let [width, height] = [data.size.x(), data.size.y()];
@@ -168,20 +172,6 @@ fn for_blocks(
         return Err(Error::invalid(format!("{missing} of the {n_blocks} blocks of the OpenEXR are missing"), DAMAGED));
     }
     Ok(())
-}
-
-/// The channels R, G, B and A in that order, if there are none but those; else as they come. Where each stands among those that come.
-fn colour_first(names: Vec<String>) -> (Vec<usize>, Vec<String>) {
-    let find = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted));
-    let colour: Option<Vec<usize>> = ["R", "G", "B", "A"]
-        .into_iter()
-        .take(names.len())
-        .map(find)
-        .collect::<Option<_>>()
-        .filter(|_| names.len() <= 4);
-    let order = colour.unwrap_or_else(|| (0..names.len()).collect());
-    let channels = order.iter().map(|&c| names[c].clone()).collect();
-    (order, channels)
 }
 
 /// Refuses sizes that `n_bytes` cannot hold, so that what is allocated for them stays in proportion to the file.
@@ -369,6 +359,11 @@ fn primaries(header: &Header) -> Result<Option<Primaries>> {
     let xy = |v: ::exr::math::Vec2<f32>| [f64::from(v.x()), f64::from(v.y())];
     let said = header.shared_attributes.chromaticities;
     said.map_or(Ok(None), |c| Primaries::stated([xy(c.red), xy(c.green), xy(c.blue), xy(c.white)]))
+}
+
+/// The names of the channels, in the file's order.
+fn names(header: &Header) -> Vec<String> {
+    header.channels.list.iter().map(|channel| string(channel.name.as_slice())).collect()
 }
 
 /// The text attributes, but those that name the part.

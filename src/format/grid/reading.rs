@@ -1,8 +1,8 @@
 //! A grid from what each kind of file holds.
 
-use super::{Described, Grid, GridChannel, RGBA, RawNumber, Shape, Stored, interleaved, letters, shape};
+use super::{Described, Grid, GridChannel, RawNumber, Shape, Stored, interleaved, letters, shape};
 use crate::error::{Error, Result};
-use crate::format::{Array, Image, Texture, embedded, literals};
+use crate::format::{Array, Image, Texture, colour_order, embedded, literals};
 use crate::pack::{Number, TexelFormat};
 
 impl Grid {
@@ -45,10 +45,7 @@ impl Grid {
             names = channels.into_iter().map(str::to_owned).collect();
         }
         // OpenEXR sorts channels by name; a table's are red first.
-        let mut order: Vec<usize> = (0..names.len()).collect();
-        if names.iter().all(|name| RGBA.contains(&name.as_str())) {
-            order.sort_by_key(|&c| RGBA.iter().position(|letter| *letter == names[c]));
-        }
+        let order = colour_order(&names).unwrap_or_else(|| (0..names.len()).collect());
         let values = values.chunks_exact(names.len()).flat_map(|t| order.iter().map(|&c| t[c])).collect();
         let names = order.iter().map(|&c| names[c].clone()).collect();
         Self::of_named(size, names, values, source.to_owned(), format)

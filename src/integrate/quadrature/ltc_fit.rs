@@ -1,4 +1,4 @@
-//! The linearly transformed cosine that is nearest to a lobe of GGX.
+//! The linearly transformed cosine that is nearest to what a surface reflects.
 //!
 //! Nearest is meant in least squares: the fit makes ∫ (g − f cosθ/E)² dω over the whole sphere least, over all matrices that are
 //! symmetric about the plane of incidence. Of the powers that could be taken of the difference, the square alone leaves an integrand without new kinks,
@@ -9,15 +9,14 @@
 //!
 //! The minimum is found by Gauss–Newton steps along the variations of [`Ltc`], in which a mirror's lobe is as wide as any, with what
 //! these leave out of the curvature learnt from step to step (the structured secant update of Dennis, Gay and Welsch 1981, of rank one).
-//! They begin at the limit for narrow lobes, to second order, derived here:
+//! Of a diffuse lobe and of a sheen they begin at the cosine itself, of GGX at the limit for narrow lobes, to second order, derived here:
 //!
 //! ```text
 //! n_x = (along the plane)/2α,   n_y = y/(2α μ),   n_z = ((1 + μ⁴)/2μ) z − sinθ ((1 + μ²)/2) x.
 //! ```
 
-use super::ltc::{Misfit, Reflection, distances, misfit};
-use super::{LADDER, Rung, ggx_albedo};
-use crate::model::ggx::Smith;
+use super::ltc::{Misfit, Reflection, Surface, distances, misfit};
+use super::{LADDER, Rung};
 use crate::model::ltc::{Ltc, VARIATIONS};
 
 /// A fit, by two rules.
@@ -49,13 +48,13 @@ const NEAR: f64 = 1e-4;
 /// The step at which a search ends: the next one would be far shorter.
 const ARRIVED: f64 = 1e-10;
 
-/// The best lobe for GGX of width `alpha` seen at cosine `mu`; `is_good` tells when the two rules agree well enough.
+/// The best lobe for the surface seen at cosine `mu`; `is_good` tells when the two rules agree well enough.
 ///
-/// `mu` in [0, 1], `alpha` in (0, 1], not below 1e-5.
-pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
-    let reflection = reflection(mu, alpha, smith);
+/// `mu` in [0, 1]; the alpha of GGX not below 1e-5, that of a sheen not below 0.01, which from above reflects 1e-17.
+pub fn ltc_fit(mu: f64, of: Surface, is_good: impl Fn(&LtcFit) -> bool) -> LtcFit {
+    let reflection = reflection(mu, of);
     let is_round = mu == 1.0;
-    let mut coarser = search(&reflection, narrow_limit(mu, alpha), &LADDER[0], NEAR, is_round);
+    let mut coarser = search(&reflection, start(mu, of), &LADDER[0], NEAR, is_round);
     let mut best: Option<(f64, LtcFit)> = None;
     for rung in &LADDER[1..] {
         let ltc = search(&reflection, coarser, rung, ARRIVED, is_round);
@@ -74,19 +73,18 @@ pub fn ltc_fit(mu: f64, alpha: f64, smith: Smith, is_good: impl Fn(&LtcFit) -> b
 }
 
 /// A quick fit, good to a few digits: the least that the ladder gives.
-pub fn ltc_fit_quickly(mu: f64, alpha: f64, smith: Smith) -> Ltc {
-    let reflection = reflection(mu, alpha, smith);
-    search(&reflection, narrow_limit(mu, alpha), &LADDER[0], NEAR, mu == 1.0)
+pub fn ltc_fit_quickly(mu: f64, of: Surface) -> Ltc {
+    search(&reflection(mu, of), start(mu, of), &LADDER[0], NEAR, mu == 1.0)
 }
 
-/// How far `ltc` is from GGX of width `alpha` seen at cosine `mu`; good to about 1e-3 of itself.
-pub fn ltc_distance(mu: f64, alpha: f64, smith: Smith, ltc: &Ltc) -> LtcDistance {
-    let [first, second, third] = distances(&reflection(mu, alpha, smith), ltc, &LADDER[1]);
+/// How far `ltc` is from the surface's reflection seen at cosine `mu`; good to about 1e-3 of itself.
+pub fn ltc_distance(mu: f64, of: Surface, ltc: &Ltc) -> LtcDistance {
+    let [first, second, third] = distances(&reflection(mu, of), ltc, &LADDER[1]);
     LtcDistance { total_variation: 0.5 * first, square: second.sqrt(), cube: third.cbrt() }
 }
 
-fn reflection(mu: f64, alpha: f64, smith: Smith) -> Reflection {
-    Reflection::new(mu, alpha, smith, ggx_albedo(mu, alpha, smith, ALBEDO).value)
+fn reflection(mu: f64, of: Surface) -> Reflection {
+    Reflection::new(mu, of, of.albedo(mu, ALBEDO))
 }
 
 impl LtcFit {
@@ -94,9 +92,23 @@ impl LtcFit {
     pub fn change(&self) -> f64 {
         self.ltc.by_m11().iter().zip(self.coarser.by_m11()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
+
+    /// The variation that makes the one of the other, the longest of its parts: unlike entries in parts of m11, which nearly all the
+    /// others vanish beside at grazing angles, it means the same of every lobe.
+    pub fn step(&self) -> f64 {
+        self.ltc.step_from(&self.coarser).iter().fold(0.0, |most: f64, step| most.max(step.abs()))
+    }
 }
 
-/// Where the search begins: the limit of narrow lobes, kept away from the horizon that they would otherwise be squeezed into, by as much
+/// Where the search begins.
+fn start(mu: f64, of: Surface) -> Ltc {
+    match of {
+        Surface::Ggx(alpha, _) => narrow_limit(mu, alpha),
+        Surface::Burley(_) | Surface::Charlie(_) => Ltc::COSINE,
+    }
+}
+
+/// The limit of narrow lobes, kept away from the horizon that they would otherwise be squeezed into, by as much
 /// as turns out to save steps.
 fn narrow_limit(mu: f64, alpha: f64) -> Ltc {
     let grazing = 1.0 - mu;
@@ -212,12 +224,18 @@ pub(crate) fn solve(mut matrix: [[f64; VARIATIONS]; VARIATIONS], mut right: [f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::ggx::Smith;
 
     const MUS: [f64; 7] = [0.0, 1e-3, 0.05, 0.3, 0.7, 0.98, 1.0];
     const ALPHAS: [f64; 5] = [1e-5, 1e-3, 0.03, 0.3, 1.0];
 
-    fn places() -> impl Iterator<Item = (f64, f64)> {
-        MUS.into_iter().flat_map(|mu| ALPHAS.map(|alpha| (mu, alpha)))
+    fn ggx(alpha: f64) -> Surface {
+        Surface::Ggx(alpha, Smith::Correlated)
+    }
+
+    fn places() -> impl Iterator<Item = (f64, Surface)> {
+        let others = [0.0, 1.0].map(Surface::Burley).into_iter().chain([0.01, 0.5].map(Surface::Charlie));
+        MUS.into_iter().flat_map(move |mu| ALPHAS.map(ggx).into_iter().chain(others.clone()).map(move |of| (mu, of)))
     }
 
     fn apart(a: &Ltc, b: &Ltc) -> f64 {
@@ -227,32 +245,32 @@ mod tests {
     #[test]
     fn two_rules_tell_how_far_the_finer_one_is_from_the_finest() {
         let said = |fit: &LtcFit| 2.0 * (fit.change() + fit.promise) + 1e-13;
-        for (mu, alpha) in places() {
-            let finest = ltc_fit(mu, alpha, Smith::Correlated, |fit| fit.change() < 1e-12);
+        for (mu, of) in places() {
+            let finest = ltc_fit(mu, of, |fit| fit.change() < 1e-12);
             for tolerance in [1e-3, 1e-6, 1e-8] {
-                let fit = ltc_fit(mu, alpha, Smith::Correlated, |fit| said(fit) <= tolerance);
+                let fit = ltc_fit(mu, of, |fit| said(fit) <= tolerance);
                 let (off, said) = (apart(&fit.ltc, &finest.ltc), said(&fit));
                 assert!(
                     off <= said && said <= tolerance,
-                    "mu {mu} alpha {alpha} {tolerance:e}: off by {off:e}, said {said:e}"
+                    "mu {mu} {of:?} {tolerance:e}: off by {off:e}, said {said:e}"
                 );
             }
-            let quick = apart(&ltc_fit_quickly(mu, alpha, Smith::Correlated), &finest.ltc);
-            assert!(quick < 2e-3, "mu {mu} alpha {alpha}: {quick:e}");
+            let quick = apart(&ltc_fit_quickly(mu, of), &finest.ltc);
+            assert!(quick < 2e-3, "mu {mu} {of:?}: {quick:e}");
         }
     }
 
     #[test]
     fn the_place_does_not_depend_on_where_the_search_begins() {
-        for (mu, alpha) in places() {
-            let reflection = reflection(mu, alpha, Smith::Correlated);
-            let best = search(&reflection, narrow_limit(mu, alpha), &LADDER[2], ARRIVED, mu == 1.0);
+        for (mu, of) in places() {
+            let reflection = reflection(mu, of);
+            let best = search(&reflection, start(mu, of), &LADDER[2], ARRIVED, mu == 1.0);
             for step in [[0.3, 0.0, 0.0, 0.0], [-0.3, 0.3, 0.0, 0.0], [0.0, -0.3, 0.3, 0.0], [0.0, 0.0, -0.3, 0.2]] {
                 let step = if mu == 1.0 { [step[0], step[0], 0.0, 0.0] } else { step };
                 let again = search(&reflection, best.varied(step), &LADDER[2], ARRIVED, mu == 1.0);
                 let off = apart(&again, &best);
                 // Each search ends within a step of 1e-8 of the place, whatever rounding leaves of the last ones.
-                assert!(off < 1e-7, "mu {mu} alpha {alpha} from {step:?}: {off:e}");
+                assert!(off < 1e-7, "mu {mu} {of:?} from {step:?}: {off:e}");
             }
         }
     }
@@ -265,7 +283,7 @@ mod tests {
             .map(|j| {
                 let mu = 1.0 - (j as f64 / (N - 1) as f64).powi(2);
                 let alpha = |i: usize| (i as f64 / (N - 1) as f64).powi(2).max(1e-5);
-                (0..N).map(|i| ltc_fit_quickly(mu, alpha(i), Smith::Correlated).by_m11()).collect()
+                (0..N).map(|i| ltc_fit_quickly(mu, ggx(alpha(i))).by_m11()).collect()
             })
             .collect();
         for j in 1..N - 1 {

@@ -17,6 +17,8 @@ pub use dielectric::dielectric_scattering;
 pub use dielectric_average::dielectric_scattering_average;
 pub use facet_weight::{ggx_dielectric_weight, ggx_power_weight, schlick_scattering};
 pub use ggx::{ggx_albedo, ggx_albedo_average, ggx_reflection, ggx_split};
+pub use ltc::Surface;
+pub(crate) use ltc::not_below;
 pub(crate) use ltc_fit::solve;
 pub use ltc_fit::{LtcDistance, LtcFit, ltc_distance, ltc_fit, ltc_fit_quickly};
 
@@ -37,6 +39,8 @@ struct Rung {
     doubled_circle: GradedRules,
     /// [`Rung::rules`] in sin(πx/2): over a quarter of a circle, graded to where the sine is 0.
     quarter: GradedRules,
+    /// The same of twice the digits, for polynomials of so high a degree in sines and cosines that they grow as Gaussians do.
+    doubled_quarter: GradedRules,
     /// The same over an eighth, in sin(πx/4).
     eighth: GradedRules,
 }
@@ -91,6 +95,7 @@ impl Rung {
             circle: GradedRules::mapped(digits, quarter_tangent),
             doubled_circle: GradedRules::mapped(2.0 * digits, |x| ((FRAC_PI_2 * x).sin().powi(2), 1.0)),
             quarter: GradedRules::mapped(digits, |x| ((FRAC_PI_2 * x).sin(), 1.0)),
+            doubled_quarter: GradedRules::mapped(2.0 * digits, |x| ((FRAC_PI_2 * x).sin(), 1.0)),
             eighth: GradedRules::mapped(digits, |x| ((FRAC_PI_4 * x).sin(), 1.0)),
         }
     }

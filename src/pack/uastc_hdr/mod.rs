@@ -15,7 +15,8 @@
 //! - **Read**: the 24 modes that the subset has. Any other block is NaN, as ASTC has it of what is no block.
 //! - **Bytes**: the same on every machine; no step of the search uses a function that machines round differently.
 //!
-//! Known imperfection: ten of its modes, those of one subset with 10 or with 3 to 6 levels of weights, are read but never written.
+//! Known imperfection: ten of its modes, those of one subset with 10 or with 3 to 6 levels of weights, are read but never written. Tried beside the
+//! others on the chains of four panoramas, from 256² down to 8², they took 0.8 % off the error of a level at most, and of the largest levels nothing.
 
 mod decode;
 mod encode;

@@ -60,6 +60,8 @@ impl Kind {
             "ltc-matrix-m00",
             "ltc-lobe",
             "ltc-lobe-amplitude",
+            "ltc-burley",
+            "ltc-charlie",
             "cloth-split",
             "generalized-schlick",
             "generalized-schlick-dielectric",

@@ -1,7 +1,7 @@
 //! Finding and running the readers that other people wrote, in JavaScript and Python.
 //!
 //! They live in the folder that KILN_TEST_TOOLS names: `npm install --prefix DIR ktx-parse@2.0.0 three@0.187.0 @babylonjs/core@9.34.0 playcanvas@2.23.3 filament@1.53.4`
-//! and `pip install --target DIR/python OpenEXR==3.5.3 OpenImageIO==3.2.2.0 numpy==2.4.6`. Where one is missing its test says `skipped: …` and passes, unless
+//! and `pip install --target DIR/python OpenEXR==3.5.3 OpenImageIO==3.2.2.0 numpy==2.4.6`; `tests/ktx2check/build.sh DIR` builds Khronos' validator there. Where one is missing its test says `skipped: …` and passes, unless
 //! KILN_REQUIRE_TOOLS=1.
 
 use std::path::{Path, PathBuf};
@@ -51,4 +51,24 @@ pub fn python(script: &str, file: &Path) -> Option<String> {
     let mut command = Command::new("python3");
     command.arg("-c").arg(script).arg(file).env("PYTHONPATH", tools.join("python"));
     output(command)
+}
+
+/// What Khronos' validator has against a KTX2 file; nothing where it is missing, which is a skip.
+///
+/// It is of 2021, and two of its complaints are left out: that bytesPlane is not 0 of what Zstandard compresses, which Khronos took back
+/// (KTX-Software, pull request 988: zero is what is warned of now), and what it says of UASTC HDR, which it does not know; and its warnings
+/// that keys are not of the specification's, which have to be there.
+pub fn faults_of_ktx2(file: &Path) -> Option<Vec<String>> {
+    let program = folder_with("ktx2check")?.join("ktx2check");
+    let output = Command::new(program).arg(file).output().expect("ktx2check runs");
+    let text = String::from_utf8_lossy(&output.stdout).replace('\0', "");
+    let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let left_out = [
+        "Custom metadata \"",
+        "DFD bytes/plane must be 0 for a supercompressed texture",
+        "DFD bytesPlane0 must be non-zero for non-supercompressed texture with VK_FORMAT_ASTC_4x4_SFLOAT_BLOCK",
+    ];
+    let faults = words.split("WARNING: ").flat_map(|text| text.split("ERROR: ")).flat_map(|text| text.split("FATAL: "));
+    let faults = faults.map(str::trim).filter(|fault| !fault.is_empty() && !fault.starts_with("Issues in: "));
+    Some(faults.filter(|fault| !left_out.iter().any(|known| fault.starts_with(known))).map(str::to_owned).collect())
 }

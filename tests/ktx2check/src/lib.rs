@@ -1,0 +1,1 @@
+//! Nothing: see `build.sh`.
