@@ -235,11 +235,14 @@ pub(crate) fn maps_and_irradiance_beside(
 ) -> Result<(Vec<MapLevel>, MapLevel)> {
     spec.layout.check_orientation(&spec.orientation)?;
     let filter = Filter::for_both(truth.clone(), panorama, spec, irradiance_size)?;
-    let mut levels = vec![];
-    for (level, &roughness) in spec.roughness.iter().enumerate() {
-        let kernel = spec.kernel_of(roughness);
-        levels.push(filter.map_level(spec, spec.level_size(level), roughness, kernel, finished)?);
+    if !matches!(filter.witness, Witness::MonteCarlo(_)) && spec.roughness.iter().any(|&r| r > 0.0) {
+        truth.prepare();
     }
+    // All levels at once: each has parts that one thread does. (What a Monte Carlo estimate or a quadrature takes, one level fills.)
+    let level = |(level, &roughness): (usize, &f64)| {
+        filter.map_level(spec, spec.level_size(level), roughness, spec.kernel_of(roughness), finished)
+    };
+    let levels = spec.roughness.par_iter().enumerate().with_max_len(1).map(level).collect::<Result<Vec<_>>>()?;
     let irradiance = filter.map_level(spec, irradiance_size, 1.0, Some(lambert()), finished)?;
     Ok((levels, irradiance))
 }

@@ -65,6 +65,9 @@ const LESS: f64 = 1.6;
 /// The map is analysed again for so many times as many degrees as it was, if a tail needs them beside it.
 const FARTHER: f64 = 1.2;
 
+/// Rings that are kept.
+const KEPT: usize = 4;
+
 /// Directions that a thread answers for at a time.
 const LINE: usize = 64;
 
@@ -78,8 +81,8 @@ pub struct Zonal<'a> {
     parts: Vec<Part>,
     /// The darkest and the brightest texel: no average lies beyond.
     range: [[f64; 3]; 2],
-    /// The last rings that were asked for: a chain that ends at alpha 1 and the irradiance share theirs.
-    last: Mutex<Option<(Kernel, Arc<Rings>)>>,
+    /// The last rings that were made: levels ask for theirs more than once, and a chain that ends at alpha 1 and the irradiance share them.
+    last: Mutex<Vec<(Kernel, Arc<Rings>)>>,
 }
 
 /// Some kernels, and the panorama as they see it: most of it as coefficients.
@@ -143,7 +146,7 @@ impl<'a> Zonal<'a> {
         }
         let parts = parts(panorama, &survey, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
-        Self { panorama, exact, instructions, parts, range, last: Mutex::new(None) }
+        Self { panorama, exact, instructions, parts, range, last: Mutex::default() }
     }
 
     /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
@@ -165,13 +168,18 @@ impl<'a> Zonal<'a> {
         let truncation = part.truncation(plan, mean);
         let exact_across = part.bright.exact_across(kernel, mean.map(|mean| plan.darkest * mean));
         let grid = plan.grid(truncation);
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        let rings = match &*last {
-            Some((of, rings)) if of == kernel => rings.clone(),
-            _ => Arc::new(Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions)),
-        };
-        *last = Some((*kernel, rings.clone()));
-        drop(last);
+        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = last().iter().find(|(of, _)| of == kernel).map(|(_, rings)| rings.clone());
+        // (Not under the lock: a thread that waits for others here may take up another level.)
+        let rings = known.unwrap_or_else(|| {
+            let rings = Rings::new(&part.coefficients, &plan.eigenvalues, part.mean, grid, self.instructions);
+            let (rings, mut last) = (Arc::new(rings), last());
+            if last.len() == KEPT {
+                last.remove(0);
+            }
+            last.push((*kernel, rings.clone()));
+            rings
+        });
         let (rings, at_a_sun) = (Some((part, plan, rings)), plan.at_a_sun(grid));
         let degree = plan.last_degree();
         Function { zonal: self, kernel: *kernel, rings, exact_across, degree, truncation, at_a_sun }
