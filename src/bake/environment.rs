@@ -360,10 +360,12 @@ impl Piece {
         let n = format.channels();
         let ([width, height], _) = map.layout.shape(map.size);
         // Picture by picture, on all threads.
-        let pictures: Vec<_> = map
+        let mut texels = vec![[0.0; 3]; map.texels.len()];
+        let (pictures, packed): (Vec<Vec<u8>>, Vec<PackReport>) = map
             .texels
             .par_chunks(width * height)
-            .map(|picture| {
+            .zip(texels.par_chunks_mut(width * height))
+            .map(|(picture, texels)| {
                 let (bytes, packed) = match n {
                     3 => format.pack(width, height, picture.as_flattened()),
                     _ => {
@@ -372,17 +374,12 @@ impl Piece {
                     }
                 };
                 let seen = format.unpack(width, height, &bytes);
-                let texels: Vec<[f32; 3]> = seen.chunks_exact(n).map(|t| [t[0], t[1], t[2]]).collect();
-                (bytes, texels, packed)
+                texels.iter_mut().zip(seen.chunks_exact(n)).for_each(|(texel, t)| *texel = [t[0], t[1], t[2]]);
+                (bytes, packed)
             })
-            .collect();
-        let (mut bytes, mut texels) = (vec![], Vec::with_capacity(map.texels.len()));
-        let mut packing = PackReport::default();
-        for (of_picture, seen, packed) in pictures {
-            bytes.extend(of_picture);
-            texels.extend(seen);
-            packing = packing.merge(packed);
-        }
+            .unzip();
+        let bytes = pictures.concat();
+        let packing = packed.into_iter().fold(PackReport::default(), PackReport::merge);
         let stored = SphereMap { texels, ..*map };
         let lookup = found.probe.as_ref().map(|probe| probe.judge_turned(&stored, recipe.orientation));
         let level = CubeLevel {

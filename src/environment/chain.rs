@@ -407,7 +407,8 @@ impl<'a> Filter<'a> {
         let (layout, orientation) = (spec.layout, &spec.orientation);
         if layout == SphereLayout::Cube {
             let (cube, report) = self.level(size, roughness, kernel, finished);
-            return Ok((orientation.apply(&cube).into(), report));
+            let cube = if orientation.is_identity() { cube } else { orientation.apply(&cube) };
+            return Ok((cube.into(), report));
         }
         let Some(kernel) = kernel else {
             let map = SphereMap::area_average(self.panorama, layout, size, orientation)?;

@@ -93,21 +93,27 @@ fn encode_with(texture: &Texture, zstd: bool) -> Result<Vec<u8>> {
         },
     };
     let alignment = if zstd { 1 } else { lcm(texture.format.block_bytes(), 4) };
-    let mut levels = Vec::new();
+    let mut file =
+        Vec::with_capacity(key_values_at + key_values.len() + texture.levels.iter().map(Vec::len).sum::<usize>());
+    file.extend_from_slice(&header.as_bytes()[..]);
+    // The index is known after the levels that follow it.
+    file.resize(descriptor_at, 0);
+    file.extend_from_slice(&descriptor);
+    file.extend_from_slice(&key_values);
     let mut index = vec![[0; LevelIndex::LENGTH]; texture.levels.len()];
     for (level, bytes) in texture.levels.iter().enumerate().rev() {
-        let end = key_values_at + key_values.len() + levels.len();
-        levels.resize(levels.len() + end.next_multiple_of(alignment) - end, 0);
+        file.resize(file.len().next_multiple_of(alignment), 0);
         let stored = if zstd { Cow::Owned(compress(bytes)?) } else { Cow::Borrowed(&bytes[..]) };
         index[level] = LevelIndex {
-            byte_offset: end.next_multiple_of(alignment) as u64,
+            byte_offset: file.len() as u64,
             byte_length: stored.len() as u64,
             uncompressed_byte_length: bytes.len() as u64,
         }
         .as_bytes();
-        levels.extend_from_slice(&stored);
+        file.extend_from_slice(&stored);
     }
-    Ok([&header.as_bytes()[..], index.as_flattened(), &descriptor, &key_values, &levels].concat())
+    file[Header::LENGTH..descriptor_at].copy_from_slice(index.as_flattened());
+    Ok(file)
 }
 
 fn compress(bytes: &[u8]) -> Result<Vec<u8>> {

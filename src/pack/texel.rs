@@ -215,9 +215,8 @@ impl TexelFormat {
             Bc6h => bc6h::pack(width, height, values),
             UastcHdr => uastc_hdr::pack(width, height, values),
         };
-        let parts: Vec<(Vec<u8>, PackReport)> = values.par_chunks(size).map(part).collect();
-        let report = parts.iter().fold(PackReport::default(), |report, (_, found)| report.merge(*found));
-        (joined(parts.into_iter().map(|(bytes, _)| bytes)), report)
+        let (parts, reports): (Vec<Vec<u8>>, Vec<PackReport>) = values.par_chunks(size).map(part).unzip();
+        (joined(parts), reports.into_iter().fold(PackReport::default(), PackReport::merge))
     }
 
     /// Unpacks pictures of that size; what is no whole picture is left out.
@@ -237,7 +236,7 @@ impl TexelFormat {
             Bc6h => bc6h::unpack(width, height, bytes),
             UastcHdr => uastc_hdr::unpack(width, height, bytes),
         };
-        joined(bytes.par_chunks(size).map(part).collect::<Vec<_>>().into_iter())
+        joined(bytes.par_chunks(size).map(part).collect())
     }
 
     /// The names of all texel formats, separated by commas.
@@ -250,10 +249,8 @@ impl TexelFormat {
 const PART: usize = 1 << 14;
 
 /// One list after the other; a lone one as it is.
-fn joined<T: Copy>(mut lists: impl Iterator<Item = Vec<T>>) -> Vec<T> {
-    let mut all = lists.next().unwrap_or_default();
-    lists.for_each(|list| all.extend_from_slice(&list));
-    all
+fn joined<T: Copy>(mut lists: Vec<Vec<T>>) -> Vec<T> {
+    if lists.len() == 1 { lists.remove(0) } else { lists.concat() }
 }
 
 impl fmt::Display for TexelFormat {
