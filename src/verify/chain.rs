@@ -353,7 +353,7 @@ mod tests {
 
     /// A level of a sheen by a sum over points of a map, turned.
     fn level(source: &Panorama, turn: Turn, size: usize, p: f64) -> SphereMap {
-        let fine = SphereMap::area_average(source, SphereLayout::Equirect, 144, &Turn::NONE.orientation()).unwrap();
+        let fine = SphereMap::area_average(source, SphereLayout::Equirect, 96, &Turn::NONE.orientation()).unwrap();
         let weights = fine.layout.solid_angles(fine.size);
         let points: Vec<DVec3> = (0..fine.texels.len()).map(|i| fine.direction(i)).collect();
         let texel = |i: usize| {
@@ -379,7 +379,7 @@ mod tests {
         let source = lamps();
         for (axes, signs) in [([0, 1, 2], [1; 3]), ([2, 1, 0], [1, 1, -1]), ([0, 1, 2], [-1, 1, 1])] {
             let turn = Turn { axes, signs };
-            let chain = [level(&source, turn, 32, 102.0), level(&source, turn, 16, 8.0)];
+            let chain = [level(&source, turn, 24, 102.0), level(&source, turn, 12, 8.0)];
             let found = orientation_of(&chain, &source).unwrap();
             assert_eq!((found.turn, found.as_good), (Some(turn), 0), "{found:?}");
         }
