@@ -12,17 +12,24 @@ mod findings;
 mod fitting;
 mod orientation;
 mod reading;
+mod sheens;
 
+use orientation::Picture;
 pub use orientation::{FaceFault, Orientation, Turn};
 pub use reading::{is_cube, levels_of};
 
 use crate::check::Check;
+use crate::environment::chain::LEAST_SHEEN;
+use crate::environment::cube::texel_direction;
 use crate::environment::kernel::KernelKind;
 use crate::environment::{Cube, InstructionSet, Kernel, Panorama, SphereLayout, SphereMap, Zonal, area_average};
 use crate::error::{Error, Result};
 use findings::findings;
 use fitting::Fitting;
+use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
+use std::f64::consts::FRAC_PI_2;
 
 /// What is asked of a chain.
 #[derive(Debug, Clone, Default)]
@@ -148,7 +155,7 @@ pub fn judge_maps(levels: &[SphereMap], question: &Question) -> Result<Verdict> 
     };
     let refined = refined(source);
     let source = refined.as_ref().unwrap_or(source);
-    let orientation = question.source.map(|_| orientation_of(&clean[0], source)).transpose()?;
+    let orientation = question.source.map(|_| orientation_of(&clean, source)).transpose()?;
     let turn = orientation.as_ref().map_or(Some(Turn::NONE), |found| found.turn);
     let mut verdict = Verdict {
         layout: first.layout,
@@ -225,29 +232,76 @@ fn facts(level: &SphereMap, clean: &SphereMap, source: &Panorama) -> LevelVerdic
     }
 }
 
-/// The chain's orientation, from its level 0 and the panorama, sharp and blurred.
-fn orientation_of(level: &SphereMap, source: &Panorama) -> Result<Orientation> {
-    const COARSE: usize = 16;
-    let (file, size) = match level.layout {
-        SphereLayout::Cube => {
-            let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size.is_multiple_of(*n)).unwrap_or(1);
-            (shrink(level, size), size)
-        }
-        // Another map has no faces of its own: it is judged by the cube that it would be, of texels large against its own, so that where
-        // those lie counts for little.
-        layout => {
-            let size = ((layout.texels(level.size) / 12).isqrt()).clamp(1, COARSE);
-            (area_average(&level.to_panorama()?, size), size)
-        }
+/// Texels along an edge of the cubes that orientations are told by, at most, and at least beside the first level's.
+const COARSE: usize = 16;
+const LEAST_COARSE: usize = 8;
+
+/// The chain's orientation, from its levels and the panorama, sharp and blurred.
+fn orientation_of(levels: &[SphereMap], source: &Panorama) -> Result<Orientation> {
+    let layout = levels[0].layout;
+    let small = |level: &SphereMap| -> Result<Cube> {
+        Ok(match layout {
+            SphereLayout::Cube => {
+                let size = (1..=COARSE.min(level.size)).rev().find(|n| level.size.is_multiple_of(*n)).unwrap_or(1);
+                shrink(level, size)
+            }
+            // Another map has no faces of its own: it is judged by the cube that it would be, of texels large against its own, so that
+            // where those lie counts for little.
+            layout => {
+                let size = ((layout.texels(level.size) / 12).isqrt()).clamp(1, COARSE);
+                area_average(&level.to_panorama()?, size)
+            }
+        })
     };
-    let mut truths = vec![area_average(source, size)];
     // A sheen's kernel is a ring: what it leaves of a picture looks like no cap's.
     let rings = [0.25, 0.6, 1.0].map(|alpha| Kernel::of(KernelKind::Charlie, alpha));
     let kernels: Vec<Kernel> = [0.15, 0.5, 1.0].map(Kernel::new).into_iter().chain(rings).collect();
     let zonal = Zonal::new(source, &kernels, InstructionSet::detect());
-    truths.extend(kernels.iter().map(|kernel| zonal.function(kernel).cube(size, &|_| {})));
-    let found = orientation::find(&file, &truths, &|turn| level.layout.check_orientation(&turn.orientation()).is_ok());
-    Ok(if level.layout.is_cube() { found } else { Orientation { faces: vec![], ..found } })
+    let blurred = SphereMap::area_average(source, SphereLayout::Equirect, 8 * COARSE, &Turn::NONE.orientation())?;
+    let picture = |file: Cube| {
+        let mut truths = vec![area_average(source, file.size)];
+        truths.extend(kernels.iter().map(|kernel| zonal.function(kernel).cube(file.size, &|_| {})));
+        truths.extend(NARROW_RINGS.map(|alpha| narrow_ring(&blurred, alpha, file.size)));
+        Picture { file, truths }
+    };
+    let others = levels[1..].iter().filter_map(|level| small(level).ok());
+    let others = others.filter(|file| file.size >= LEAST_COARSE).map(picture);
+    let may_be = |turn: &Turn| layout.check_orientation(&turn.orientation()).is_ok();
+    let found = orientation::find(&picture(small(&levels[0])?), others, &may_be);
+    Ok(if layout.is_cube() { found } else { Orientation { faces: vec![], ..found } })
+}
+
+/// Widths of narrow sheens that are looked at.
+const NARROW_RINGS: [f64; 3] = [LEAST_SHEEN * LEAST_SHEEN, 0.025, 0.1];
+
+/// What large texels show of a map filtered by a narrow sheen: a ring's cosines are spread as the kernel's (a beta distribution of 2 and
+/// p + 1) and as those within a texel, here by a normal distribution, and the map's texels count as points.
+fn narrow_ring(map: &SphereMap, alpha: f64, size: usize) -> Cube {
+    let p = 0.5 / alpha;
+    let (middle, variance) = (2.0 / (p + 3.0), 2.0 * (p + 1.0) / ((p + 3.0).powi(2) * (p + 4.0)));
+    let of_texels = (FRAC_PI_2 / size as f64).powi(2) / 12.0;
+    let rate = 0.5 / (variance + of_texels);
+    let weights = map.layout.solid_angles(map.size);
+    let points: Vec<(DVec3, [f64; 4])> = (map.texels.iter().zip(weights).enumerate())
+        .map(|(i, (texel, weight))| {
+            let [r, g, b] = texel.map(|v| f64::from(v) * weight);
+            (map.direction(i), [r, g, b, weight])
+        })
+        .collect();
+    let texel = |i: usize| {
+        let axis = texel_direction(size, i);
+        let mut sum = [0.0; 4];
+        for (towards, light) in &points {
+            let off = rate * (axis.dot(*towards) - middle).powi(2);
+            // Beyond four standard deviations there is nothing to see.
+            if off < 8.0 {
+                let k = (-off).exp();
+                sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += k * light);
+            }
+        }
+        [0, 1, 2].map(|c| (sum[c] / sum[3]) as f32)
+    };
+    Cube { size, texels: (0..6 * size * size).into_par_iter().map(texel).collect() }
 }
 
 /// The means of square blocks of texels.
@@ -277,4 +331,57 @@ fn log_ratio_spread(a: &[f64], b: &[f64]) -> f64 {
     let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
     let middle = median(&differences);
     differences.iter().map(|d| (d - middle).abs()).sum::<f64>() / differences.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lamps on a dark ground, such that nothing turned or mirrored looks the same.
+    fn lamps() -> Panorama {
+        let lamps =
+            [([1.0, 0.3, 0.2], 9.0), ([-0.4, 0.9, 0.5], 4.0), ([-0.3, -0.5, 0.8], 2.0), ([0.2, 0.1, -1.0], 3.0)];
+        let (width, height) = (96, 48);
+        let texel = |i: usize| {
+            let d = SphereLayout::Equirect.direction(height, i);
+            let lit =
+                lamps.map(|(towards, bright)| bright * (40.0 * (d.dot(DVec3::from(towards).normalize()) - 1.0)).exp());
+            [(0.2 + lit.iter().sum::<f64>()) as f32; 3]
+        };
+        Panorama::new(width, height, (0..width * height).map(texel).collect()).unwrap()
+    }
+
+    /// A level of a sheen by a sum over points of a map, turned.
+    fn level(source: &Panorama, turn: Turn, size: usize, p: f64) -> SphereMap {
+        let fine = SphereMap::area_average(source, SphereLayout::Equirect, 144, &Turn::NONE.orientation()).unwrap();
+        let weights = fine.layout.solid_angles(fine.size);
+        let points: Vec<DVec3> = (0..fine.texels.len()).map(|i| fine.direction(i)).collect();
+        let texel = |i: usize| {
+            let axis = turn.apply(texel_direction(size, i));
+            let mut sum = [0.0; 4];
+            for ((point, texel), weight) in points.iter().zip(&fine.texels).zip(&weights) {
+                let c = axis.dot(*point);
+                if c > 0.0 && c < 20.0 / p {
+                    let k = c * (p * (-c).ln_1p()).exp() * weight;
+                    (0..3).for_each(|channel| sum[channel] += k * f64::from(texel[channel]));
+                    sum[3] += k;
+                }
+            }
+            [0, 1, 2].map(|c| (sum[c] / sum[3]) as f32)
+        };
+        let texels = (0..6 * size * size).into_par_iter().map(texel).collect();
+        SphereMap { layout: SphereLayout::Cube, size, texels }
+    }
+
+    /// A ring along the horizon looks the same from opposite sides: a wider one tells them apart.
+    #[test]
+    fn the_orientation_of_a_narrow_sheen_is_told() {
+        let source = lamps();
+        for (axes, signs) in [([0, 1, 2], [1; 3]), ([2, 1, 0], [1, 1, -1]), ([0, 1, 2], [-1, 1, 1])] {
+            let turn = Turn { axes, signs };
+            let chain = [level(&source, turn, 32, 102.0), level(&source, turn, 16, 8.0)];
+            let found = orientation_of(&chain, &source).unwrap();
+            assert_eq!((found.turn, found.as_good), (Some(turn), 0), "{found:?}");
+        }
+    }
 }

@@ -4,7 +4,9 @@
 //! interpolated.
 
 use super::compared::Compared;
+use super::sheens::sheens;
 use super::{Question, Turn, Verdict, log_ratio_spread, median};
+use crate::environment::chain::LEAST_SHEEN;
 use crate::environment::kernel::KernelKind;
 use crate::environment::{DARK_FLOOR, InstructionSet, Kernel, Panorama, SphereMap, Zonal};
 use crate::model::alpha_of_roughness;
@@ -12,13 +14,15 @@ use glam::DVec3;
 
 /// Widths that are tried: this many times the next.
 const STEP: f64 = 1.27;
-/// The narrowest that is tried.
+/// The narrowest that is tried, of a cap and of a sheen, which is wider by far at the same alpha.
 const NARROWEST: f64 = 0.012;
-/// Sheens narrower than this take seconds each. They, and what is narrower than a texel, are tried where the narrowest of the wider ones fits
-/// better than any other kernel.
+const NARROWEST_SHEEN: f64 = LEAST_SHEEN * LEAST_SHEEN;
+/// Sheens narrower than this take thousands of harmonics, so that texels are summed for few directions. They, and what is narrower than a
+/// texel, are tried where the narrowest of the wider ones fits better than any other kernel.
 const SLOW_SHEEN: f64 = 0.1;
-/// Texels of a level that its width is fitted to.
+/// Texels of a level that its width is fitted to, and of such a sheen.
 const SAMPLES: usize = 768;
+const SAMPLES_OF_SLOW: usize = 192;
 /// A fit is believed if it leaves at most this part of the truth's own spread, and this much of it.
 const BELIEVED: f64 = 0.5;
 const MOST_RESIDUAL: f64 = 0.35;
@@ -28,6 +32,10 @@ const FLAT: f64 = 1e-3;
 const MARGIN: f64 = 1.1;
 /// Fits closer than this cannot be told apart, whatever their ratio: rounding to halves.
 const ROUNDING: f64 = 2e-4;
+
+fn is_slow(kernel: &Kernel) -> bool {
+    kernel.kind() == KernelKind::Charlie && kernel.alpha() < SLOW_SHEEN
+}
 
 /// A chain that is being fitted.
 pub(super) struct Fitting<'a> {
@@ -68,8 +76,6 @@ impl Best {
 impl Fitting<'_> {
     /// Says of every level what fits it, and of the chain whose kernel that is.
     pub(super) fn fit(&self, question: &Question, verdict: &mut Verdict) {
-        let n = ((1.0 / NARROWEST).ln() / STEP.ln()).ceil() as usize;
-        let alphas: Vec<f64> = (0..=n).map(|i| (NARROWEST.ln() * (1.0 - i as f64 / n as f64)).exp()).collect();
         // A kernel of alpha 1/size is as wide as a texel: what is narrower, and takes longer, is mostly the source itself.
         let of_texels = 1.0 / self.levels[0].size.max(2) as f64;
         let kinds: Vec<KernelKind> = question.kernel.map_or(KernelKind::ALL.to_vec(), |kind| vec![kind]);
@@ -77,18 +83,23 @@ impl Fitting<'_> {
         // Fits of every level by every kind.
         let mut fits: Vec<Vec<Best>> = vec![];
         for &kind in &kinds {
-            let quick = match kind {
-                KernelKind::Charlie => of_texels.max(SLOW_SHEEN),
-                KernelKind::Nol | KernelKind::G1 => of_texels,
+            let (quick, narrowest, samples) = match kind {
+                KernelKind::Charlie => (of_texels.max(SLOW_SHEEN), NARROWEST_SHEEN, SAMPLES_OF_SLOW),
+                KernelKind::Nol | KernelKind::G1 => (of_texels, NARROWEST, SAMPLES),
             };
+            let n = ((1.0 / narrowest).ln() / STEP.ln()).ceil() as usize;
+            let alphas: Vec<f64> = (0..=n).map(|i| (narrowest.ln() * (1.0 - i as f64 / n as f64)).exp()).collect();
             let quick = alphas.partition_point(|&alpha| alpha < quick).min(n);
-            let mut fit = self.best_widths(kind, &alphas[quick..]);
-            let may_be_narrower = |(m, best): (usize, &Best)| {
-                let narrowest = best.alpha > 0.0 && best.alpha < 1.001 * alphas[quick];
-                narrowest && fits.iter().all(|others| best.residual <= others[m].residual)
+            let all: Vec<usize> = (0..self.levels.len()).collect();
+            let mut fit = self.best_widths(kind, &alphas[quick..], &all, SAMPLES);
+            let may_be_narrower = |&m: &usize| {
+                let narrowest = fit[m].alpha > 0.0 && fit[m].alpha < 1.001 * alphas[quick];
+                narrowest && fits.iter().all(|others| fit[m].residual <= others[m].residual)
             };
-            if quick > 0 && fit.iter().enumerate().any(may_be_narrower) {
-                fit = self.best_widths(kind, &alphas);
+            let narrower: Vec<usize> = all.into_iter().filter(may_be_narrower).collect();
+            if quick > 0 && !narrower.is_empty() {
+                let again = self.best_widths(kind, &alphas[..(quick + 3).min(n + 1)], &narrower, samples);
+                narrower.into_iter().zip(again).for_each(|(m, best)| fit[m] = best);
             }
             fits.push(fit);
         }
@@ -129,22 +140,22 @@ impl Fitting<'_> {
         verdict.scale = Some(middle).filter(|_| alike && !scales.is_empty());
     }
 
-    /// The width that fits each level best.
-    fn best_widths(&self, kind: KernelKind, alphas: &[f64]) -> Vec<Best> {
+    /// The width that fits each of some levels best.
+    fn best_widths(&self, kind: KernelKind, alphas: &[f64], levels: &[usize], samples: usize) -> Vec<Best> {
         let kernels: Vec<Kernel> = alphas.iter().map(|&alpha| Kernel::of(kind, alpha)).collect();
-        let zonal = Zonal::new(self.source, &kernels, InstructionSet::detect());
-        let texels: Vec<Vec<usize>> = self.levels.iter().map(|level| self.chosen(level)).collect();
-        let directions: Vec<DVec3> = (self.levels.iter().zip(&texels))
+        let levels: Vec<&SphereMap> = levels.iter().map(|&m| &self.levels[m]).collect();
+        let texels: Vec<Vec<usize>> = levels.iter().map(|level| self.chosen(level, samples)).collect();
+        let directions: Vec<DVec3> = (levels.iter().zip(&texels))
             .flat_map(|(level, texels)| texels.iter().map(|&i| self.turn.apply(level.direction(i))))
             .collect();
-        let mut values: Vec<Vec<[f64; 3]>> = vec![];
-        for kernel in &kernels {
-            values.push(zonal.function(kernel).values(&directions));
-        }
+        let (slow, quick): (Vec<Kernel>, Vec<Kernel>) = kernels.iter().partition(|kernel| is_slow(kernel));
+        let mut values = sheens(self.source, &slow, &directions);
+        let zonal = Zonal::new(self.source, &quick, InstructionSet::detect());
+        values.extend(quick.iter().map(|kernel| zonal.function(kernel).values(&directions)));
         let mut begin = 0;
         let mean = self.source.mean();
         let log = |value: [f64; 3]| logs(value, mean);
-        (self.levels.iter().zip(&texels))
+        (levels.iter().zip(&texels))
             .map(|(level, texels)| {
                 let range = begin..begin + texels.len();
                 begin = range.end;
@@ -177,10 +188,10 @@ impl Fitting<'_> {
     }
 
     /// Texels spread over the faces that can be believed.
-    fn chosen(&self, level: &SphereMap) -> Vec<usize> {
+    fn chosen(&self, level: &SphereMap, most: usize) -> Vec<usize> {
         let area = level.size * level.size;
         let all: Vec<usize> = (0..level.texels.len()).filter(|i| !self.wrong.contains(&(i / area))).collect();
-        let step = (all.len() as f64 / SAMPLES as f64).max(1.0);
+        let step = (all.len() as f64 / most as f64).max(1.0);
         // A step that is no whole number walks through all columns.
         (0..).map(|k| (f64::from(k) * step) as usize).take_while(|&i| i < all.len()).map(|i| all[i]).collect()
     }

@@ -101,60 +101,90 @@ const FLOOR: f64 = 30.0 * DARK_FLOOR;
 /// Of the picture's own spread, what the best turn may leave.
 const BELIEVED: f64 = 0.5;
 
-/// Finds the turn among those that `may_be`. `file` and each of `truths` (the panorama, sharp and blurred) are cubes of one size.
-pub fn find(file: &Cube, truths: &[Cube], may_be: &dyn Fn(&Turn) -> bool) -> Orientation {
-    let seen = logs(file);
-    let mut best: Vec<(f64, Turn, usize)> = vec![];
+/// One level of a chain, small enough to be turned 48 times, and what it may show: the panorama, sharp and blurred. Cubes of one size.
+pub struct Picture {
+    /// The level.
+    pub file: Cube,
+    /// The panorama.
+    pub truths: Vec<Cube>,
+}
+
+/// Finds the turn among those that `may_be`, by a chain's first picture; where several look the same in that, by the next ones.
+///
+/// What a narrow ring leaves of a picture looks the same from opposite sides, and so does many a symmetric room, until it is blurred
+/// otherwise.
+pub fn find(first: &Picture, mut others: impl Iterator<Item = Picture>, may_be: &dyn Fn(&Turn) -> bool) -> Orientation {
     let turns: Vec<Turn> = Turn::all().filter(may_be).collect();
-    for &turn in &turns {
-        let maps: Vec<usize> = (0..file.texels.len())
-            .map(|i| nearest_texel(file.size, turn.apply(texel_direction(file.size, i))))
-            .collect();
-        let least = truths
-            .iter()
-            .enumerate()
-            .map(|(k, truth)| {
-                let wanted = logs(truth);
-                let turned: Vec<f64> = maps.iter().map(|&i| wanted[i]).collect();
-                (log_ratio_spread(&seen, &turned), turn, k)
-            })
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        best.extend(least);
-    }
-    best.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals the first of the list, which is no turn at all
-    let (residual, _, blur) = best[0];
-    let as_good = |other: f64| other <= 1.05 * residual + 2e-3;
-    let ties: Vec<Turn> = best.iter().filter(|entry| as_good(entry.0)).map(|entry| entry.1).collect();
-    let runner_up = best.iter().map(|entry| entry.0).find(|&other| !as_good(other));
-    let turn = if ties.contains(&Turn::NONE) { Turn::NONE } else { ties[0] };
-    let wanted = logs(&truths[blur]);
-    let own = log_ratio_spread(&wanted, &vec![0.0; wanted.len()]);
-    // Of the faces the middle one counts: one or two that are wrong do not hide which way round the others are.
-    let turned = |i: usize| wanted[nearest_texel(file.size, turn.apply(texel_direction(file.size, i)))];
-    let off: Vec<f64> = (0..seen.len()).map(|i| seen[i] - turned(i)).collect();
-    let (middle, area) = (median(&off), file.size * file.size);
-    let faces: Vec<f64> =
-        off.chunks(area).map(|face| face.iter().map(|d| (d - middle).abs()).sum::<f64>() / area as f64).collect();
-    if median(&faces) > BELIEVED * own && own > 1e-3 {
+    let seen = first.look(&turns);
+    let Look { residual, runner_up, .. } = seen;
+    if !seen.is_believed {
         let name = "unknown: no turn of the source looks like it".to_owned();
         return Orientation { turn: None, name, mirrored: false, as_good: 0, residual, runner_up, faces: vec![] };
     }
+    let any = seen.ties.len() == turns.len();
+    let mut ties = seen.ties;
+    while !any && ties.len() > 1 {
+        let Some(other) = others.next() else { break };
+        let seen = other.look(&ties);
+        if seen.is_believed {
+            ties = seen.ties;
+        }
+    }
+    let turn = if ties.contains(&Turn::NONE) { Turn::NONE } else { ties[0] };
     let mut name = turn.name();
-    let any = ties.len() == turns.len();
     if any {
         name = "any: the picture looks the same from everywhere".to_owned();
     } else if ties.len() > 1 {
         name += &format!(", or one of {} that look the same", ties.len() - 1);
     }
-    let faces = if any { vec![] } else { faults(file, &truths[blur], turn) };
-    Orientation {
-        turn: Some(turn),
-        name,
-        mirrored: turn.is_mirrored(),
-        as_good: ties.len() - 1,
-        residual,
-        runner_up,
-        faces,
+    let faces = if any { vec![] } else { faults(&first.file, &first.truths[seen.blur], turn) };
+    let (mirrored, as_good) = (turn.is_mirrored(), ties.len() - 1);
+    Orientation { turn: Some(turn), name, mirrored, as_good, residual, runner_up, faces }
+}
+
+/// What a picture says of some turns.
+struct Look {
+    /// Those that fit best, in the order in which they were given.
+    ties: Vec<Turn>,
+    residual: f64,
+    runner_up: Option<f64>,
+    /// Which of the truths fits the best of them.
+    blur: usize,
+    /// Whether it looks like that at all.
+    is_believed: bool,
+}
+
+impl Picture {
+    fn look(&self, turns: &[Turn]) -> Look {
+        let Self { file, truths } = self;
+        let seen = logs(file);
+        let wanted: Vec<Vec<f64>> = truths.iter().map(logs).collect();
+        let mut best: Vec<(f64, Turn, usize)> = vec![];
+        for &turn in turns {
+            let maps: Vec<usize> = (0..file.texels.len())
+                .map(|i| nearest_texel(file.size, turn.apply(texel_direction(file.size, i))))
+                .collect();
+            let of = |wanted: &Vec<f64>| {
+                let turned: Vec<f64> = maps.iter().map(|&i| wanted[i]).collect();
+                log_ratio_spread(&seen, &turned)
+            };
+            let least = wanted.iter().enumerate().map(|(k, wanted)| (of(wanted), turn, k));
+            best.extend(least.min_by(|a, b| a.0.total_cmp(&b.0)));
+        }
+        best.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: of equals the first of the list, which is no turn at all
+        let (residual, turn, blur) = best[0];
+        let as_good = |other: f64| other <= 1.05 * residual + 2e-3;
+        let ties: Vec<Turn> = best.iter().filter(|entry| as_good(entry.0)).map(|entry| entry.1).collect();
+        let runner_up = best.iter().map(|entry| entry.0).find(|&other| !as_good(other));
+        let wanted = &wanted[blur];
+        let own = log_ratio_spread(wanted, &vec![0.0; wanted.len()]);
+        // Of the faces the middle one counts: one or two that are wrong do not hide which way round the others are.
+        let turned = |i: usize| wanted[nearest_texel(file.size, turn.apply(texel_direction(file.size, i)))];
+        let off: Vec<f64> = (0..seen.len()).map(|i| seen[i] - turned(i)).collect();
+        let (middle, area) = (median(&off), file.size * file.size);
+        let faces: Vec<f64> =
+            off.chunks(area).map(|face| face.iter().map(|d| (d - middle).abs()).sum::<f64>() / area as f64).collect();
+        Look { ties, residual, runner_up, blur, is_believed: median(&faces) <= BELIEVED * own || own <= 1e-3 }
     }
 }
 
