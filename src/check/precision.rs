@@ -47,7 +47,9 @@ impl Precision {
         let Some(format) = self.format else { return 0.0 };
         // A step at the true value may be that of the next binade below: take the larger neighbour.
         let wider = |value: f64| value.abs() * (1.0 + 1e-3);
-        match format.step(channel, wider(value), wider(brightest).min(format.largest(channel))) {
+        // The brightest was rounded too, perhaps below where the factor that it was given begins: by half a code of three, and a square.
+        let unrounded = (brightest.abs() * (1.0 + 1e-2)).min(format.largest(channel));
+        match format.step(channel, wider(value), unrounded) {
             Some(step) => 0.5 * step,
             None => self.block_error * wider(brightest),
         }
@@ -64,5 +66,22 @@ impl Precision {
 impl From<Number> for Precision {
     fn from(number: Number) -> Self {
         Self::new(TexelFormat::Plain { channels: 1, number }, [], 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pack::rgbp;
+
+    /// One and a little more takes a factor of 1.056, and is stored as 0.998.
+    #[test]
+    fn a_brightest_that_was_rounded_down_keeps_its_factor() {
+        for value in (1..100).map(|i| f64::from(i) / 100.0) {
+            let stored = rgbp::unpack(&rgbp::pack(&[1.0 + 1e-15, value, 0.0]).0);
+            let precision = Precision::new(TexelFormat::Rgbp, stored.iter().map(|&v| f64::from(v)), 0.0);
+            let off = (f64::from(stored[1]) - value).abs();
+            assert!(off <= precision.tolerance(1, value), "{value}: off by {off}");
+        }
     }
 }

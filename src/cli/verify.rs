@@ -114,9 +114,10 @@ fn text(report: &Report) -> String {
     for skipped in &report.skipped {
         text += &format!("skipped: {skipped}\n");
     }
-    let verdict = match report.failures() {
-        0 => format!("{} checks passed", report.checks.len()),
-        n => format!("{n} of {} checks FAILED", report.checks.len()),
+    let verdict = match (report.failures(), report.checks.len()) {
+        (0, 1) => "1 check passed".to_owned(),
+        (0, all) => format!("{all} checks passed"),
+        (failed, all) => format!("{failed} of {all} checks FAILED"),
     };
     printable(&format!("{text}{verdict}\n\n"))
 }

@@ -27,7 +27,11 @@ pub fn encode(texture: &Texture) -> Result<Vec<u8>> {
         Some(Number::F32) => "<f4",
         _ => return Err(Error::usage(format!("a NumPy array cannot hold {}", texture.format), "use f16 or f32")),
     };
-    let shape = shape(texture)?;
+    let mut shape = shape(texture)?;
+    // Columns of a volume, which nobody can tell from channels, are followed by them even where there is one.
+    if shape.len() == 3 && texture.format.channels() == 1 {
+        shape.push(1);
+    }
     let lengths: Vec<String> = shape.iter().map(|n| format!("{n},")).collect();
     let dictionary = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}", lengths.join(" "));
     // Magic, version and length take ten bytes, the line feed one.

@@ -190,7 +190,7 @@ pub fn decode(bytes: &[u8]) -> Result<Array> {
     let text = std::str::from_utf8(bytes).map_err(|_| broken("is no text"))?;
     let (head, rest) =
         text.strip_prefix(MAGIC).and_then(|t| t.split_once('\n')).ok_or_else(|| broken("is not Kiln's"))?;
-    let head: Head = serde_json::from_str(head).map_err(|e| broken(&format!("has a broken first line: {e}")))?;
+    let mut head: Head = serde_json::from_str(head).map_err(|e| broken(&format!("has a broken first line: {e}")))?;
     let (_, values) = rest.split_once(BEGIN).ok_or_else(|| broken("has no values"))?;
     let wanted = head.shape.iter().try_fold(1_usize, |n, &length| n.checked_mul(length));
     let mut found = vec![];
@@ -203,6 +203,10 @@ pub fn decode(bytes: &[u8]) -> Result<Array> {
     }
     if wanted != Some(found.len()) {
         return Err(broken(&format!("has {} values for the shape {:?}", found.len(), head.shape)));
+    }
+    // One channel has no axis in the code; with one, columns of a volume are not taken for its channels.
+    if head.channels.len() == 1 && head.shape.len() <= 3 {
+        head.shape.push(1);
     }
     Ok(Array {
         shape: head.shape,
@@ -239,6 +243,15 @@ mod tests {
             assert_eq!((values, array.shape), (texture.values(0), vec![2, 2, 3, 2]), "{language}");
             assert_eq!(array.metadata, texture.metadata[1..], "{language}");
         }
+    }
+
+    #[test]
+    fn columns_of_a_volume_of_one_channel_are_not_its_channels() {
+        let values: Vec<f32> = (0..12).map(|i| i as f32).collect();
+        let (texture, _) = Texture::volume("r32f".parse().unwrap(), [3, 2, 2], &values).unwrap();
+        let text = encode(Container::C, &texture).unwrap();
+        assert!(text.contains("[2][2][3] ="), "{text}");
+        assert_eq!(decode(text.as_bytes()).unwrap().extent(), [3, 2, 2, 1]);
     }
 
     #[test]

@@ -546,12 +546,14 @@ fn conversions_that_need_no_rounding_change_nothing() {
 fn volumes_and_rows_go_through_every_container_that_has_a_form_for_them() {
     let values: Vec<f32> = (0..3 * 2 * 12 * 2).map(|i| i as f32).collect();
     let volume = Texture::volume("rg32f".parse().unwrap(), [3, 2, 12], &values).unwrap().0;
+    let alone = Texture::volume("r32f".parse().unwrap(), [3, 2, 12], &values[..72]).unwrap().0;
     let row = Texture::flat("rgb32f".parse().unwrap(), 8, 1, &values[..24]).unwrap().0;
     let all =
         ["npy:f32", "exr:f32", "c:f32", "exr:f32", "rust:f32", "glsl:f32", "hlsl:f32", "wgsl:f32", "js:f32", "exr:f32"];
     let of_volumes = ["dds:rg32f", "exr:f32", "ktx1:rg32f", "exr:f32", "ktx2:rg32f+zstd"];
+    let of_one_channel = ["dds:r32f", "exr:f32", "ktx1:r32f", "exr:f32", "ktx2:r32f+zstd"];
     let of_rows = ["dds:rgb32f", "exr:f32", "ktx1:rgb32f", "ktx2:rgb32f"];
-    for (start, ends) in [(&volume, &of_volumes[..]), (&row, &of_rows[..])] {
+    for (start, ends) in [(&volume, &of_volumes[..]), (&alone, &of_one_channel[..]), (&row, &of_rows[..])] {
         let mut bytes = ktx2::encode(start).unwrap();
         for name in all.iter().chain(ends) {
             let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
