@@ -1,6 +1,6 @@
 //! How long the environment filters take, and how much memory: on the built-in sky of 1024 × 512 texels (or on a file of that size that
-//! `KILN_BENCH_MAP` names: dark rooms take longer), or on synthetic maps (noise, lamps, one sun of 1e5) of the size that a case names. One thread where a case does not say two; the best instructions that this
-//! processor has, or those of the baseline.
+//! `KILN_BENCH_MAP` names: dark rooms take longer), or on synthetic maps (noise, lamps, one sun of 1e5) of the size that a case names. One
+//! thread where a case does not say two; the best instructions that this processor has, or those of the baseline.
 //!
 //! `cargo bench --bench environment -- --only "1024 ×"`; see the other benchmark for how to read and to count instructions. The largest
 //! map (1.6 GB) is only made for `--only 16384`.

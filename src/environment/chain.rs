@@ -235,14 +235,8 @@ pub(crate) fn maps_and_irradiance_beside(
 ) -> Result<(Vec<MapLevel>, MapLevel)> {
     spec.layout.check_orientation(&spec.orientation)?;
     let filter = Filter::for_both(truth.clone(), panorama, spec, irradiance_size)?;
-    if !matches!(filter.witness, Witness::MonteCarlo(_)) && spec.roughness.iter().any(|&r| r > 0.0) {
-        truth.prepare();
-    }
-    // All levels at once: each has parts that one thread does. (What a Monte Carlo estimate or a quadrature takes, one level fills.)
-    let level = |(level, &roughness): (usize, &f64)| {
-        filter.map_level(spec, spec.level_size(level), roughness, spec.kernel_of(roughness), finished)
-    };
-    let levels = spec.roughness.par_iter().enumerate().with_max_len(1).map(level).collect::<Result<Vec<_>>>()?;
+    let level = |size, roughness, kernel| filter.map_level(spec, size, roughness, kernel, finished);
+    let levels = filter.levels(spec, level).into_iter().collect::<Result<Vec<_>>>()?;
     let irradiance = filter.map_level(spec, irradiance_size, 1.0, Some(lambert()), finished)?;
     Ok((levels, irradiance))
 }
@@ -364,11 +358,22 @@ impl<'a> Filter<'a> {
     }
 
     fn chain(&self, spec: &ChainSpec, finished: &(dyn Fn(u64) + Sync)) -> Chain {
-        let level = |(level, &roughness): (usize, &f64)| {
-            self.level(spec.level_size(level), roughness, spec.kernel_of(roughness), finished)
-        };
-        let (levels, reports) = spec.roughness.iter().enumerate().map(level).unzip();
+        let level = |size, roughness, kernel| self.level(size, roughness, kernel, finished);
+        let (levels, reports) = self.levels(spec, level).into_iter().unzip();
         Chain { levels, reports }
+    }
+
+    /// Something of every level, from its size, roughness and kernel: all at once, because each has parts that one thread does.
+    fn levels<T: Send>(&self, spec: &ChainSpec, of: impl Fn(usize, f64, Option<Kernel>) -> T + Sync) -> Vec<T> {
+        if spec.roughness.iter().any(|&r| r > 0.0) {
+            match &self.witness {
+                Witness::MonteCarlo(_) => {}
+                Witness::Quadrature(full_sum) => full_sum.prepare(),
+                Witness::Zonal(zonal) => zonal.prepare(),
+            }
+        }
+        let level = |(level, &r): (usize, &f64)| of(spec.level_size(level), r, spec.kernel_of(r));
+        spec.roughness.par_iter().enumerate().with_max_len(1).map(level).collect()
     }
 
     /// What a level is probed by, or fitted to, if it is to be and there is anything: a lobe that is seen at an angle is no zonal function.
@@ -410,8 +415,7 @@ impl<'a> Filter<'a> {
         let (layout, orientation) = (spec.layout, &spec.orientation);
         if layout == SphereLayout::Cube {
             let (cube, report) = self.level(size, roughness, kernel, finished);
-            let cube = if orientation.is_identity() { cube } else { orientation.apply(&cube) };
-            return Ok((cube.into(), report));
+            return Ok((orientation.apply(cube).into(), report));
         }
         let Some(kernel) = kernel else {
             let map = SphereMap::area_average(self.panorama, layout, size, orientation)?;

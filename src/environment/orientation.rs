@@ -79,18 +79,18 @@ impl Orientation {
     }
 
     /// The cube that the engine wants, from one that is looked up with the world's direction as it is.
-    pub fn apply(&self, cube: &Cube) -> Cube {
+    pub fn apply(&self, cube: Cube) -> Cube {
         self.gather(cube, |direction| self.world(direction))
     }
 
     /// The inverse of [`Orientation::apply`].
-    pub fn undo(&self, cube: &Cube) -> Cube {
+    pub fn undo(&self, cube: Cube) -> Cube {
         self.gather(cube, |direction| self.lookup(direction))
     }
 
-    fn gather(&self, cube: &Cube, from: impl Fn(DVec3) -> DVec3) -> Cube {
+    fn gather(&self, cube: Cube, from: impl Fn(DVec3) -> DVec3) -> Cube {
         if self.is_identity() {
-            return cube.clone();
+            return cube;
         }
         let n = cube.texels.len();
         let texel = |i: usize| cube.texels[nearest_texel(cube.size, from(texel_direction(cube.size, i)))];
@@ -191,8 +191,8 @@ mod tests {
         let texels = (0..6 * size * size).map(|i| [i as f32; 3]).collect();
         let cube = Cube { size, texels };
         for orientation in every() {
-            let turned = orientation.apply(&cube);
-            assert_eq!(orientation.undo(&turned), cube, "{orientation}");
+            let turned = orientation.apply(cube.clone());
+            assert_eq!(orientation.undo(turned.clone()), cube, "{orientation}");
             for i in 0..turned.texels.len() {
                 let d = texel_direction(size, i);
                 assert_eq!(turned.nearest(d), cube.nearest(orientation.world(d)), "{orientation} texel {i}");

@@ -258,7 +258,7 @@ impl SphereMap {
         orientation: &Orientation,
     ) -> Result<Self> {
         match layout {
-            SphereLayout::Cube => Ok(orientation.apply(&area_average(panorama, size)).into()),
+            SphereLayout::Cube => Ok(orientation.apply(area_average(panorama, size)).into()),
             SphereLayout::Octahedral => Ok(octahedral::area_average(panorama, size, orientation)),
             SphereLayout::Equirect | SphereLayout::Atlas => {
                 let texels = equirect::area_average(panorama, size, layout.border(), orientation)?;

@@ -487,5 +487,5 @@ fn the_levels_of_a_chain_follow_the_size() {
         }
     }
     let cube = Cube { size: 2, texels: vec![[0.0; 3]; 24] };
-    assert_eq!(Orientation::default().apply(&cube), cube);
+    assert_eq!(Orientation::default().apply(cube.clone()), cube);
 }

@@ -27,6 +27,20 @@ pub(super) struct Coefficients {
     pub orders: Vec<Vec<[f64; PARTS]>>,
 }
 
+impl Coefficients {
+    /// Σ |f_lm|² of each degree and channel.
+    pub fn powers(&self) -> Vec<[f64; 3]> {
+        let mut powers = vec![[0.0; 3]; self.degree + 1];
+        for (m, order) in self.orders.iter().enumerate() {
+            let both = if m == 0 { 1.0 } else { 2.0 };
+            for (power, v) in powers[m..].iter_mut().zip(order) {
+                (0..3).for_each(|c| power[c] += both * (v[c] * v[c] + v[c + 3] * v[c + 3]));
+            }
+        }
+        powers
+    }
+}
+
 /// A map to be analysed.
 pub(super) trait Texels: Sync {
     /// Texels of a row, and rows.

@@ -40,7 +40,7 @@ use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
 use legendre::Degrees;
 use nodes::Nodes;
-use plan::{Plan, cells, darkest, is_wide, row_rule, usual_degree};
+use plan::{Plan, cells, darkest, is_wide, lambdas, row_rule, usual_degree};
 use sides::{BAND, SIDES, fill_band};
 use split::Places;
 use survey::{Survey, moments};
@@ -97,6 +97,8 @@ struct Part {
     /// The largest part of a channel's light that was not peeled off.
     share: f64,
     coefficients: Coefficients,
+    /// Their Σ |f_lm|².
+    powers: Vec<[f64; 3]>,
     /// Degrees beyond these, if a kernel asks for some.
     tail: Option<Tail>,
     /// What was not peeled off, if a kernel sums texels near its axis.
@@ -149,20 +151,17 @@ impl<'a> Zonal<'a> {
         Self { panorama, exact, instructions, parts, range, last: Mutex::default() }
     }
 
+    /// Prepares the full sum that functions are measured against.
+    pub(super) fn prepare(&self) {
+        self.exact.prepare();
+    }
+
     /// The panorama filtered by a kernel; one that it was not prepared for is summed over the texels.
     pub fn function(&'a self, kernel: &Kernel) -> Function<'a> {
         let of = |part: &'a Part| part.plans.iter().find(|plan| plan.kernel == *kernel).map(|plan| (part, plan));
         let Some((part, plan)) = self.parts.iter().find_map(of) else {
-            let (truncation, at_a_sun) = (0.0, 0.0);
-            return Function {
-                zonal: self,
-                kernel: *kernel,
-                rings: None,
-                exact_across: 0,
-                degree: 0,
-                truncation,
-                at_a_sun,
-            };
+            let (exact_across, degree, truncation, at_a_sun) = (0, 0, 0.0, 0.0);
+            return Function { zonal: self, kernel: *kernel, rings: None, exact_across, degree, truncation, at_a_sun };
         };
         let mean = self.panorama.mean();
         let truncation = part.truncation(plan, mean);
@@ -386,22 +385,21 @@ impl Part {
         let takers = || part.plans.iter().zip(&wanted).filter_map(|(plan, wanted)| Some((plan.degree(), (*wanted)?)));
         let Some(least) = takers().map(|(own, _)| own).min() else { return part };
         let degree = takers().map(|(_, (_, degree))| degree).max().unwrap_or(least);
-        let own: Vec<usize> = part
-            .plans
-            .par_iter()
-            .zip(&wanted)
-            .map(|(plan, wanted)| wanted.map_or(0, |(_, degree)| plan.own_beside_tail(degree, instructions)))
-            .collect();
+        let lambert = lambdas(&Kernel::new(1.0), degree, instructions);
+        let own_of = |(plan, wanted): (&Plan, &Option<(f64, usize)>)| {
+            wanted.map_or(0, |(_, degree)| plan.own_beside_tail(degree, &lambert, instructions))
+        };
+        let own: Vec<usize> = part.plans.par_iter().zip(&wanted).map(own_of).collect();
         if part.plans.iter().zip(&own).any(|(plan, &own)| own as f64 > FARTHER * plan.degree() as f64) {
-            let more = |(plan, own): (Plan, &usize)| match *own > plan.degree() {
-                true => Plan::new(plan.kernel, plan.darkest, *own, panorama.height(), instructions),
-                false => Some(plan),
+            let more = |(plan, own): (Plan, usize)| {
+                let again = || Plan::new(plan.kernel, plan.darkest, own, panorama.height(), instructions);
+                (own > plan.degree()).then(again).flatten().unwrap_or(plan)
             };
-            let plans = part.plans.into_iter().zip(&own).filter_map(more).collect();
+            let plans = part.plans.into_iter().zip(own).map(more).collect();
             part = Self::new(panorama, &rest, plans, part.bright, instructions);
         }
         // From half of the kernels' own degrees on: what these then hold of the upper half is less, and needs fewer rings.
-        let tail = Tail::new(&rest, [least / 2, degree], instructions);
+        let tail = Tail::new(&rest, least / 2, lambert, instructions);
         part.plans.par_iter_mut().zip(wanted).with_max_len(1).for_each(|(plan, wanted)| {
             if let Some((left, _)) = wanted {
                 plan.take(&tail, left, instructions);
@@ -429,12 +427,13 @@ impl Part {
         coefficients.orders[0][0] = [0.0; 6];
         let places = plans.iter().any(|plan| plan.split.is_some()).then(|| Places::new(panorama));
         let near = places.map(|places| (rest.to_panorama(), places));
-        Self { plans, bright, mean, norm2, share, coefficients, tail: None, near }
+        let powers = coefficients.powers();
+        Self { plans, bright, mean, norm2, share, coefficients, powers, tail: None, near }
     }
 
     /// What truncation changes of a plan's function at most, relative to the darkest output, given the map's mean.
     fn truncation(&self, plan: &Plan, mean: [f64; 3]) -> f64 {
-        plan.truncation(self.share, mean, self.norm2, &self.coefficients, self.tail.as_ref())
+        plan.truncation(self.share, mean, self.norm2, &self.powers, self.tail.as_ref())
     }
 }
 
@@ -509,6 +508,12 @@ impl<'a> Rest<'a> {
         }
         rest.norm2 = std::array::from_fn(|c| (second[c] - (rest.mean[c] - darkest[c]).powi(2) * 4.0 * PI).max(0.0));
         rest
+    }
+
+    /// All of a panorama but what is taken off every texel; its norm is not known.
+    #[cfg(test)]
+    fn whole(panorama: &'a Panorama, darkest: [f64; 3]) -> Self {
+        Self { panorama, changed: vec![], darkest, mean: panorama.mean(), norm2: [0.0; 3] }
     }
 
     /// The same as a panorama of its own.

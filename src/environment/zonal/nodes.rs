@@ -312,13 +312,7 @@ mod tests {
     fn nodes_hold_what_rows_hold() {
         for (width, n, sun) in [(128, 32, (9, 0)), (256, 32, (255, 1)), (256, 64, (3, 63)), (250, 32, (100, 124))] {
             let panorama = random(width, 5, Some(sun));
-            let map = Rest {
-                panorama: &panorama,
-                changed: vec![],
-                darkest: [0.0; 3],
-                mean: panorama.mean(),
-                norm2: [0.0; 3],
-            };
+            let map = Rest::whole(&panorama, [0.0; 3]);
             let (degree, set) = (n / 3, InstructionSet::detect());
             let wanted = analyse(&map, degree, Degrees::All, &Rows::Points(row_rule(0.1, degree, width / 2)), set);
             let got = analyse(&map, degree, Degrees::All, &Rows::Nodes(Nodes::new(n, [width, width / 2])), set);

@@ -9,7 +9,6 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::analysis::Coefficients;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
@@ -114,7 +113,7 @@ impl Plan {
             return None;
         }
         let value = |w: f64| kernel.eval(w);
-        let mut lambda = eigenvalues(&value, kernel.singularities(), most, instructions);
+        let mut lambda = lambdas(&kernel, most, instructions);
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
         let peak = Remainder::new([&value; 2], width, 1.2, floor).relative(&lambda, step, instructions);
@@ -194,10 +193,9 @@ impl Plan {
     }
 
     /// Degrees that should be the kernel's own if a tail goes on to another one: so many that what the tail does not have of those between (mostly odd
-    /// ones) is half of what is left out beyond, both of a map whose power falls like degree⁻².
-    pub fn own_beside_tail(&self, last: usize, instructions: InstructionSet) -> usize {
-        let (lambda, lambert) =
-            (lambdas(&self.kernel, last, instructions), lambdas(&Kernel::new(1.0), last, instructions));
+    /// ones) has a quarter of the power that is left out beyond, both of a map whose power falls like degree⁻². `lambert` are its λ_l.
+    pub fn own_beside_tail(&self, last: usize, lambert: &[f64], instructions: InstructionSet) -> usize {
+        let lambda = lambdas(&self.kernel, last, instructions);
         let last_even = last / 2 * 2;
         let power = |l: usize, of: f64| (2 * l + 1) as f64 * of * of / (l * l) as f64;
         let factor = lambda[last_even] / lambert[last_even];
@@ -217,7 +215,8 @@ impl Plan {
     /// Takes beyond its own degrees what the tail has, given the bound of truncation without it.
     pub fn take(&mut self, tail: &Tail, without: f64, instructions: InstructionSet) {
         let (kernel, own, last) = (self.kernel, self.degree(), tail.degree());
-        if last <= own {
+        // (Without an even degree between, it has nothing.)
+        if last / 2 * 2 <= own {
             return;
         }
         let value = |w: f64| kernel.eval(w);
@@ -246,16 +245,17 @@ impl Plan {
     /// interpolation makes of them was at most 0.03 of the bound at 0.7 rings to a degree, 0.1 at half as many as degrees (on four real maps and a
     /// sky, kernels of [`KernelKind::Nol`] and [`KernelKind::G1`]).
     pub fn grid(&self, truncation: f64) -> [usize; 2] {
-        let dense = match truncation {
+        let dense = match (&self.share, truncation) {
             // What is truncated, 0.01 of the bound, is what the last degrees add too; degree l is off by 0.005 (lΔ)⁶ of it.
-            _ if let Some(share) = &self.share => {
+            (Some(share), _) => {
                 // Of those that the tail has too only a part is left; below them, l⁻³ as much is added at larger Δ⁻¹.
-                let all = PI * (0.005 * 0.01 * share.without / LEFT_BETWEEN).powf(1.0 / 6.0);
-                all * share.own.powf(1.0 / 6.0).max(share.behind.sqrt())
+                let sixth_root = |x: f64| libm::cbrt(x.sqrt());
+                let all = PI * sixth_root(0.005 * 0.01 * share.without / LEFT_BETWEEN);
+                all * sixth_root(share.own).max(share.behind.sqrt())
             }
             _ if !is_wide(&self.kernel) || self.split.is_some() => 1.2,
-            bound if bound < 1e-4 => 0.5,
-            bound if bound < 1e-3 => 0.7,
+            (None, bound) if bound < 1e-4 => 0.5,
+            (None, bound) if bound < 1e-3 => 0.7,
             _ => 1.0,
         };
         let degree = self.degree() as f64;
@@ -274,13 +274,13 @@ impl Plan {
     }
 
     /// The largest relative error that truncation can cause, given the part `share` of the light that was not peeled off, and
-    /// the map beyond its mean: its squared norm (of each channel) and its coefficients.
+    /// the map beyond its mean: its squared norm (of each channel) and Σ |f_lm|² of each degree; and the tail.
     pub fn truncation(
         &self,
         share: f64,
         mean: [f64; 3],
         norm2: [f64; 3],
-        coefficients: &Coefficients,
+        powers: &[[f64; 3]],
         tail: Option<&Tail>,
     ) -> f64 {
         let mut this_map = 0.0f64;
@@ -289,7 +289,8 @@ impl Plan {
                 (Some(share), Some(tail)) => (tail.power_beyond(self.degree(), c), share.off),
                 _ => (0.0, 0.0),
             };
-            let rest = (norm2[c] - power(coefficients, c, self.degree()) - of_tail).max(1e-14 * norm2[c]);
+            let held: f64 = powers.iter().take(self.degree() + 1).map(|power| power[c]).sum();
+            let rest = (norm2[c] - held - of_tail).max(1e-14 * norm2[c]);
             let most = self.remainder_norm * rest.sqrt() + off * of_tail.sqrt();
             this_map = this_map.max(most / (self.darkest * mean[c]));
         }
@@ -311,16 +312,6 @@ pub(super) fn usual_degree(kernel: &Kernel) -> usize {
 /// Whether a kernel's horizon shows.
 pub(super) fn is_wide(kernel: &Kernel) -> bool {
     kernel.horizon()[0] > STEEP
-}
-
-/// Σ |f_lm|² over all orders of degrees up to L.
-fn power(coefficients: &Coefficients, channel: usize, degree: usize) -> f64 {
-    let order = |(m, order): (usize, &Vec<[f64; 6]>)| {
-        let both = if m == 0 { 1.0 } else { 2.0 };
-        let of = |v: &[f64; 6]| v[channel] * v[channel] + v[channel + 3] * v[channel + 3];
-        both * order.iter().take((degree + 1).saturating_sub(m)).map(of).sum::<f64>()
-    };
-    coefficients.orders.iter().enumerate().map(order).sum()
 }
 
 /// Gauss points for a row, on [0, 1].

@@ -13,9 +13,7 @@ use super::analysis::{Rows, Texels, analyse};
 use super::fft::Fft;
 use super::legendre::Degrees;
 use super::nodes::Nodes;
-use super::plan::lambdas;
 use super::synthesis::Rings;
-use crate::environment::kernel::Kernel;
 use crate::math::quadrature::Rule;
 
 /// Rings for a degree: those of the last degrees, which add least, are farther apart than would hold them.
@@ -34,8 +32,9 @@ pub(super) struct Tail {
 }
 
 impl Tail {
-    /// From even degrees beyond the first number, up to the second one.
-    pub fn new(map: &dyn Texels, [behind, degree]: [usize; 2], instructions: InstructionSet) -> Self {
+    /// From even degrees beyond one up to the last that Lambert's λ_l are given of.
+    pub fn new(map: &dyn Texels, behind: usize, eigenvalues: Vec<f64>, instructions: InstructionSet) -> Self {
+        let degree = eigenvalues.len() - 1;
         let parts = degree.div_ceil(map.shape()[1]);
         let middles = || Rule {
             nodes: (0..parts).map(|i| (i as f64 + 0.5) / parts as f64).collect(),
@@ -43,18 +42,10 @@ impl Tail {
         };
         let rows = Nodes::for_some_percent(degree, map.shape()).map_or_else(|| Rows::Middles(middles()), Rows::Nodes);
         let coefficients = analyse(map, degree, Degrees::EvenAbove(behind), &rows, instructions);
-        let mut powers = vec![[0.0; 3]; degree + 1];
-        for (m, order) in coefficients.orders.iter().enumerate() {
-            let both = if m == 0 { 1.0 } else { 2.0 };
-            for (power, v) in powers[m..].iter_mut().zip(order) {
-                (0..3).for_each(|c| power[c] += both * (v[c] * v[c] + v[c + 3] * v[c + 3]));
-            }
-        }
-        let eigenvalues = lambdas(&Kernel::new(1.0), degree, instructions);
         let rings = RINGS * degree as f64;
         let grid = [rings as usize, Fft::fast_length((1.8 * rings) as usize)];
         let rings = Rings::of_even(&coefficients, (&eigenvalues, behind), grid, instructions);
-        Self { rings, eigenvalues, behind, powers }
+        Self { rings, eigenvalues, behind, powers: coefficients.powers() }
     }
 
     pub fn degree(&self) -> usize {
@@ -72,9 +63,10 @@ mod tests {
     use glam::DVec3;
 
     use super::super::Rest;
-    use super::super::plan::row_rule;
+    use super::super::plan::{lambdas, row_rule};
     use super::super::synthesis::angles;
     use super::*;
+    use crate::environment::kernel::Kernel;
     use crate::environment::test_maps::random;
 
     /// By the middles of rows, of a map with as many rows as degrees and of one with half as many; by nodes, of one with four times as many.
@@ -84,14 +76,8 @@ mod tests {
         // leave 4 % of the last ones along each angle.
         for (width, behind, degree, tolerance) in [(128, 16, 64, 0.08), (64, 16, 64, 0.08), (256, 10, 32, 0.16)] {
             let (panorama, set) = (random(width, 11, Some((width / 3, width / 7))), InstructionSet::detect());
-            let map = Rest {
-                panorama: &panorama,
-                changed: vec![],
-                darkest: [0.0; 3],
-                mean: panorama.mean(),
-                norm2: [0.0; 3],
-            };
-            let tail = Tail::new(&map, [behind, degree], set);
+            let map = Rest::whole(&panorama, [0.0; 3]);
+            let tail = Tail::new(&map, behind, lambdas(&Kernel::new(1.0), degree, set), set);
             let rows = Rows::Points(row_rule(0.1, degree, width / 2));
             let exact = analyse(&map, degree, Degrees::All, &rows, set);
             let is_meant = |l: &usize| Degrees::EvenAbove(behind).contains(*l);

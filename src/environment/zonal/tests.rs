@@ -186,13 +186,7 @@ fn neither_threads_nor_instructions_change_a_bit() {
 fn the_mean_of_the_function_is_the_mean_of_the_panorama() {
     for (width, sun) in [(128, (37, 20)), (34, (20, 8)), (96, (0, 0))] {
         let panorama = lit(width, 8, sun);
-        let map = Rest {
-            panorama: &panorama,
-            changed: vec![],
-            darkest: panorama.mean(),
-            mean: panorama.mean(),
-            norm2: [0.0; 3],
-        };
+        let map = Rest::whole(&panorama, panorama.mean());
         for narrowest in [1.0, 0.01, 1e-3] {
             let rows = Rows::Points(row_rule(narrowest, 4, width / 2));
             let coefficients = analyse(&map, 4, Degrees::All, &rows, InstructionSet::detect());

@@ -6,6 +6,7 @@
 //! names begin so, `KILN_SWEEP=2:dfg:6..9` numbers 6 to 8 of these, and `KILN_SWEEP=2:dfg:6` number 6 alone, with all that is found out.
 
 use super::pairs::{Row, covering};
+use crate::support::masters::WITHOUT_MASTER;
 use kiln::claim::{Claim, Encoding, Said};
 use kiln::format::grid::{Described, Grid, RawNumber, Shape};
 use kiln::format::{Container, FormatSpec, Packing, Texture, encode};
@@ -52,24 +53,10 @@ impl Kind {
             // Another reflectance, the same albedo.
             Self { found: kd(Kd::Albedo), ..Self::of("layered-albedo", kd(Kd::Reciprocal)) },
         ];
-        // One number everywhere is nothing to recognise; of channels over other axes than their neighbours, other tests tell; of the others
-        // there is no master.
-        let left_out = [
-            "lambert-albedo",
-            "ltc-amplitude",
-            "ltc-matrix-m00",
-            "ltc-lobe",
-            "ltc-lobe-amplitude",
-            "ltc-burley",
-            "ltc-charlie",
-            "cloth-split",
-            "generalized-schlick",
-            "generalized-schlick-dielectric",
-            "schlick-dielectric",
-            "schlick-transmittance",
-            "schlick-dielectric-inside",
-        ];
-        let named = TABLES.iter().filter(|table| !left_out.contains(&table.name));
+        // One number everywhere is nothing to recognise; of channels over other axes than their neighbours, other tests tell.
+        let left_out = ["lambert-albedo", "ltc-amplitude", "ltc-lobe-amplitude"];
+        let is_left_out = |name: &str| left_out.contains(&name) || WITHOUT_MASTER.contains(&name);
+        let named = TABLES.iter().filter(|table| !is_left_out(table.name));
         named.map(|table| Self::of(table.name, Model::default())).chain(others).collect()
     }
 
