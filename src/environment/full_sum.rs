@@ -27,8 +27,17 @@ const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
 /// How many of them may be taken for nearly all texels.
 const BULK_RULES: usize = 3;
 
+/// Points of the rule for slabs of large boxes.
+const BENT: usize = 10;
+
 /// Extents below which a box is flat enough, in radians: the sphere bends by 2e-4 of it.
 const FLAT: f64 = 0.02;
+
+/// What a texel holds of all light for its part across the horizon to have to be exact.
+const BRIGHT: f64 = 1e-4;
+
+/// Rows next to a pole over which sin θ changes a lot.
+const POLAR: usize = 3;
 
 /// Largest panorama, in texels, whose channels are also kept apart, for speed.
 const LARGEST_APART: usize = 1 << 21;
@@ -39,6 +48,8 @@ pub struct FullSum<'a> {
     panorama: &'a Panorama,
     base: [f64; 3],
     rules: Vec<Rule>,
+    /// For slabs of large boxes, as [`bent`] makes it.
+    bent: Rule,
     /// Whether far cells may be taken whole.
     by_cells: bool,
     whole: Arc<OnceLock<Whole>>,
@@ -72,9 +83,12 @@ struct Parallel {
     points: [Vec<(f64, f64)>; BULK_RULES],
     /// sin θ of its widest parallel.
     widest: f64,
+    /// Whether it is one of the few next to a pole.
+    is_polar: bool,
     /// Of a texel.
     solid_angle: f64,
-    /// The columns of texels whose part across the horizon must be exact: they hold 1e-4 of all that the panorama does beyond the base.
+    /// The columns of texels whose part across the horizon must be exact: they hold [`BRIGHT`] of all that the panorama does beyond the base, or less near
+    /// the poles.
     bright: Vec<u32>,
 }
 
@@ -101,16 +115,17 @@ impl<'a> FullSum<'a> {
             panorama,
             base: panorama.min().map(f64::from),
             rules: RULES.iter().map(|&(n, _)| gauss_legendre(n)).collect(),
+            bent: bent(BENT),
             by_cells: true,
             whole: Arc::default(),
             instructions: InstructionSet::detect(),
         }
     }
 
-    /// The same texel by texel, with `extra` more points per side of each box: how a test or a cautious user sees the error.
+    /// The same texel by texel, none of them taken for flat, with `extra` more points per side of each box: how a test or a cautious user sees the error.
     pub fn with_extra_points(panorama: &'a Panorama, extra: usize) -> Self {
         let rules = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
-        Self { rules, by_cells: false, ..Self::new(panorama) }
+        Self { rules, bent: bent(BENT + extra), by_cells: false, ..Self::new(panorama) }
     }
 
     /// Prepares sums over the whole panorama on all threads. The first of them would do so on its own.
@@ -152,7 +167,9 @@ impl<'a> FullSum<'a> {
         let (dtheta, middle) = (theta[1] - theta[0], (theta[0] + theta[1]) / 2.0);
         let solid_angle = panorama.solid_angle(row);
         let (mean, all) = (panorama.mean(), 4.0 * PI / solid_angle);
-        let most: [f64; 3] = std::array::from_fn(|c| (1e-4 * all * (mean[c] - self.base[c])).max(0.0));
+        // (Towards the poles boxes are less and less like rectangles.)
+        let share = BRIGHT / (1.0 + (middle.cos() / middle.sin()).abs());
+        let most: [f64; 3] = std::array::from_fn(|c| (share * all * (mean[c] - self.base[c])).max(0.0));
         let is_bright = |texel: &[f32; 3]| (0..3).any(|c| f64::from(texel[c]) - self.base[c] > most[c]);
         let bright = (0..).zip(panorama.row(row)).filter(|(_, texel)| is_bright(texel)).map(|(column, _)| column);
         Parallel {
@@ -162,6 +179,7 @@ impl<'a> FullSum<'a> {
             points: std::array::from_fn(|rule| {
                 self.rules[rule].nodes.iter().map(|t| (theta[0] + t * dtheta).sin_cos()).collect()
             }),
+            is_polar: row.min(self.panorama.height() - 1 - row) < POLAR,
             widest: if (middle - PI / 2.0).abs() <= dtheta { 1.0 } else { theta[0].sin().max(theta[1].sin()) },
             solid_angle,
             bright: bright.collect(),
@@ -275,7 +293,9 @@ impl<'a> FullSum<'a> {
         self.instructions.run(
             #[inline(always)]
             || {
-                for (&(sin, cos), weight) in place.points[bulk].iter().zip(&rule.weights) {
+                // (Towards a pole sin θ goes to 0, and takes a degree more.)
+                let down = if place.is_polar { (bulk + 1).min(BULK_RULES - 1) } else { bulk };
+                for (&(sin, cos), weight) in place.points[down].iter().zip(&self.rules[down].weights) {
                     let (up, scale) = (lobe.axis.y * cos, weight * sin * dtheta * dphi);
                     for (along, weight) in along.chunks_exact(width).zip(&rule.weights) {
                         let (at, along) = ([up, sin, scale * weight], &along[columns.clone()]);
@@ -287,7 +307,7 @@ impl<'a> FullSum<'a> {
 
         // Then mend the texels for which that is not enough: near the axis, and across the horizon.
         let [near_from, belt] = lobe.kernel.rough_parts(extent / RULES[bulk].1, reach);
-        let flat = is_flat(extent, lobe.kernel);
+        let flat = self.by_cells && is_flat(extent, lobe.kernel);
         let up = lobe.axis.y * cos;
         let first = &along[columns.clone()];
         // (The middle of the column to half its width: the margins of both criteria are wider.)
@@ -358,11 +378,11 @@ impl<'a> FullSum<'a> {
         match RULES.iter().position(|(_, ratio)| extent <= ratio * delta) {
             // Cut at the horizon and at its crossings with the box's sides, a small box leaves polynomials of low degree, which
             // three points integrate exactly; a large one bends the horizon.
-            Some(_) if c < 1.01 * reach => {
-                let rule = if is_flat(extent, lobe.kernel) { 1 } else { RULES.len() - 1 };
-                self.product(patch, lobe, &self.rules[rule])
+            Some(_) if c < 1.01 * reach => self.product(patch, lobe, is_flat(extent, lobe.kernel)),
+            Some(rule) => {
+                let is_polar = sin < theta.1 * POLAR as f64;
+                product_above(patch, lobe, &self.rules[(rule + usize::from(is_polar)).min(RULES.len() - 1)])
             }
-            Some(rule) => product_above(patch, lobe, &self.rules[rule]),
             None => {
                 // The longer side, or both: at a pole, where boxes are slivers, halving azimuths would double their number for nothing.
                 let halves = |[low, high]: [f64; 2], middle: f64| [[low, middle], [middle, high]];
@@ -381,39 +401,42 @@ impl<'a> FullSum<'a> {
     }
 
     /// The product rule, each line of constant θ cut at the horizon, and θ where the horizon meets a side of the box.
-    fn product(&self, patch: Patch, lobe: &Lobe, rule: &Rule) -> f64 {
+    fn product(&self, patch: Patch, lobe: &Lobe, is_flat: bool) -> f64 {
         let corners = [patch.phi[0], patch.phi[1], lobe.azimuth, lobe.azimuth + PI].map(|phi| lobe.horizon(phi));
         let mut cuts = [patch.theta[0], corners[0], corners[1], corners[2], corners[3], patch.theta[1]];
         cuts.iter_mut().for_each(|cut| *cut = cut.clamp(patch.theta[0], patch.theta[1]));
         cuts.sort_by(f64::total_cmp);
         let slabs = cuts.windows(2).filter(|slab| slab[1] > slab[0]);
-        slabs.map(|slab| self.slab(patch.phi, [slab[0], slab[1]], lobe, rule)).sum()
+        let lines = if is_flat { &self.rules[1] } else { &self.bent };
+        let along = if is_flat { &self.rules[1] } else { &self.rules[RULES.len() - 1] };
+        slabs.map(|slab| slab_sum(patch.phi, [slab[0], slab[1]], lobe, [lines, along])).sum()
     }
+}
 
-    fn slab(&self, phi: [f64; 2], theta: [f64; 2], lobe: &Lobe, rule: &Rule) -> f64 {
-        let dtheta = theta[1] - theta[0];
-        let mut sum = 0.0;
-        for (t, weight) in rule.nodes.iter().zip(&rule.weights) {
-            let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
-            // c = up + across cos ψ, with ψ the azimuth from the axis: positive for |ψ| < half.
-            let (up, across) = (lobe.axis.y * cos, lobe.horizontal * sin);
-            let half = if up >= across { PI } else { (-up / across).clamp(-1.0, 1.0).acos() };
-            let mut line = 0.0;
-            // The box may meet the lit interval on either side of a turn.
-            for turn in [-TAU, 0.0, TAU] {
-                let low = (phi[0] - lobe.azimuth + turn).max(-half);
-                let high = (phi[1] - lobe.azimuth + turn).min(half);
-                if high > low {
-                    for (s, weight) in rule.nodes.iter().zip(&rule.weights) {
-                        let psi = low + s * (high - low);
-                        line += weight * (high - low) * lobe.kernel.eval(lobe.one_minus_cos(sin, cos, psi));
-                    }
+/// The lines of a slab at the nodes of the first rule, each cut at the horizon and summed by the second.
+fn slab_sum(phi: [f64; 2], theta: [f64; 2], lobe: &Lobe, [lines, rule]: [&Rule; 2]) -> f64 {
+    let dtheta = theta[1] - theta[0];
+    let mut sum = 0.0;
+    for (t, weight) in lines.nodes.iter().zip(&lines.weights) {
+        let (sin, cos) = (theta[0] + t * dtheta).sin_cos();
+        // c = up + across cos ψ, with ψ the azimuth from the axis: positive for |ψ| < half.
+        let (up, across) = (lobe.axis.y * cos, lobe.horizontal * sin);
+        let half = if up >= across { PI } else { (-up / across).clamp(-1.0, 1.0).acos() };
+        let mut line = 0.0;
+        // The box may meet the lit interval on either side of a turn.
+        for turn in [-TAU, 0.0, TAU] {
+            let low = (phi[0] - lobe.azimuth + turn).max(-half);
+            let high = (phi[1] - lobe.azimuth + turn).min(half);
+            if high > low {
+                for (s, weight) in rule.nodes.iter().zip(&rule.weights) {
+                    let psi = low + s * (high - low);
+                    line += weight * (high - low) * lobe.kernel.eval(lobe.one_minus_cos(sin, cos, psi));
                 }
             }
-            sum += weight * dtheta * sin * line;
         }
-        sum
+        sum += weight * dtheta * sin * line;
     }
+    sum
 }
 
 /// The product rule over a box that is wholly above the horizon.
@@ -455,6 +478,14 @@ pub(super) fn flat_horizon(c: f64, [g, h]: [f64; 2], kernel: &Kernel) -> f64 {
         [sum(third) / (24.0 * g * h), sum(fourth) / (48.0 * g * h)]
     };
     a * first + b * second
+}
+
+/// A rule for functions that begin and end like roots, x^(n + 1/2), as lines do whose ends lie on a horizon: x = 3s² − 2s³ makes them smooth.
+fn bent(points: usize) -> Rule {
+    let rule = gauss_legendre(points);
+    let nodes = rule.nodes.iter().map(|s| s * s * (3.0 - 2.0 * s)).collect();
+    let weights = rule.iter().map(|(s, weight)| weight * 6.0 * s * (1.0 - s)).collect();
+    Rule { nodes, weights }
 }
 
 /// Whether a box is small enough for [`flat_horizon`]: as flat as [`FLAT`], and within what the kernel's first two terms hold for.
@@ -698,6 +729,27 @@ mod tests {
                 for c in 0..3 {
                     let error = (got[c] / wanted[c] - 1.0).abs();
                     assert!(error < 1e-6, "alpha {alpha}, axis {axis}: {} wanted {}", got[c], wanted[c]);
+                }
+            }
+        }
+    }
+
+    /// Next to the poles texels are triangles, over which sin θ goes to 0: neither flat nor as smooth as others. Large ones end at a horizon that bends.
+    #[test]
+    fn what_lies_at_a_pole_and_what_is_large_is_summed_as_exactly_as_the_rest() {
+        use super::super::test_maps::any;
+        let lamp = |i: usize| if i / 400 < 5 && i % 400 < 40 { [1.0f32; 3] } else { [1e-6; 3] };
+        let at_a_pole = Panorama::new(400, 200, (0..400 * 200).map(lamp).collect()).unwrap();
+        for (map, alpha) in [(at_a_pole, 0.4), (any(259), 0.2352), (any(364), 0.8089)] {
+            let kernel = Kernel::of(KernelKind::G1, alpha);
+            let (sum, wanted) = (FullSum::new(&map), FullSum::with_extra_points(&map, 4));
+            for i in 0..40 {
+                let (sin, cos) = (f64::from(i) * 0.7).sin_cos();
+                let axis = DVec3::new(cos, 0.002 * f64::from(i - 20), sin).normalize();
+                let (got, wanted) = (sum.evaluate(axis, &kernel), wanted.evaluate(axis, &kernel));
+                for c in 0..3 {
+                    let off = (got[c] - wanted[c]).abs() / wanted[c].max(DARK_FLOOR * map.mean()[c]);
+                    assert!(off < 5e-6, "{} × {}, {axis}: {} is off by {off:e}", map.width(), map.height(), got[c]);
                 }
             }
         }

@@ -49,10 +49,21 @@ struct Peeled {
     radiance: [f64; 3],
 }
 
+/// Which texels are outliers.
+struct Wanted {
+    /// They hold more than this part of their block's light beyond what surrounds them.
+    of_block: f64,
+    /// And at least this part of the panorama's.
+    of_all: f64,
+    /// In any channel, and beyond the darkest texel of all instead of the block's median.
+    is_thorough: bool,
+}
+
 impl Peel {
     /// The outliers of a panorama, and the panorama without them: never darker than the block around it.
     pub(super) fn new(panorama: &Panorama) -> (Self, Panorama) {
-        let peel = Self::take(panorama, &Brightest::new(panorama), LEAST, 0.0, MOST);
+        let brightest = Brightest::new(panorama);
+        let peel = Self::take(panorama, &brightest, Wanted { of_block: LEAST, of_all: 0.0, is_thorough: false }, MOST);
         let mut rest = panorama.texels().to_vec();
         peel.remainders().for_each(|(index, texel)| rest[index] = texel);
         let rest = panorama.with_texels(rest);
@@ -61,13 +72,23 @@ impl Peel {
 
     /// At most `most` outliers that each hold at least this part of the panorama's light (all channels together).
     pub(super) fn strongest(panorama: &Panorama, brightest: &Brightest, least_share: f64, most: usize) -> Self {
-        Self::take(panorama, brightest, 0.0, least_share, most)
+        Self::take(panorama, brightest, Wanted { of_block: 0.0, of_all: least_share, is_thorough: false }, most)
     }
 
-    /// Outliers of more than `least` of their block's flux and at least `least_share` of the panorama's.
-    fn take(panorama: &Panorama, brightest: &Brightest, least: f64, least_share: f64, most: usize) -> Self {
+    /// At most `most` texels that each hold at least this part of the panorama's light in some channel, beyond its darkest texel: lamps
+    /// that fill a block are taken off too.
+    pub(super) fn thoroughly(panorama: &Panorama, least_share: f64, most: usize) -> Self {
+        let wanted = Wanted { of_block: 0.0, of_all: least_share, is_thorough: true };
+        Self::take(panorama, &Brightest::new(panorama), wanted, most)
+    }
+
+    fn take(panorama: &Panorama, brightest: &Brightest, wanted: Wanted, most: usize) -> Self {
+        let Wanted { of_block: least, of_all: least_share, is_thorough } = wanted;
         let (width, height) = (panorama.width(), panorama.height());
-        let mean = panorama.mean().iter().sum::<f64>();
+        let means = panorama.mean();
+        let mean = means.iter().sum::<f64>();
+        let lit: Vec<usize> = (0..3).filter(|&c| means[c] > 0.0).collect();
+        let least_mean = lit.iter().map(|&c| means[c]).fold(f64::INFINITY, f64::min);
         let darkest: f64 = panorama.min().iter().map(|&v| f64::from(v)).sum();
         let of_blocks = |block: usize| {
             let top = block * BLOCK;
@@ -80,17 +101,25 @@ impl Peel {
                 let places = || rows.clone().flat_map(|r| columns.clone().map(move |c| r * width + c));
                 // Nothing here may be an outlier even against the darkest texel.
                 let most_excess = brightest - darkest;
-                if most_excess * widest < least_share * 4.0 * PI * mean.abs() {
+                if most_excess * widest < least_share * 4.0 * PI * if is_thorough { least_mean } else { mean.abs() } {
                     continue;
                 }
-                let median = median(places().map(|i| panorama.texels()[i]).collect());
+                let median = match is_thorough {
+                    true => panorama.min(),
+                    false => median(places().map(|i| panorama.texels()[i]).collect()),
+                };
                 let surroundings = median.iter().map(|&v| f64::from(v)).sum::<f64>().max(1e-3 * mean);
                 let block_angle: f64 = solid_angles.iter().sum::<f64>() * columns.len() as f64;
                 for index in places() {
                     let texel = panorama.texels()[index];
                     let excess: f64 = (0..3).map(|c| f64::from((texel[c] - median[c]).max(0.0))).sum();
                     let flux = excess * solid_angles[index / width - top];
-                    let share = flux / (4.0 * PI * mean.abs());
+                    let mut share = flux / (4.0 * PI * mean.abs());
+                    if is_thorough {
+                        let of = |c: usize| f64::from((texel[c] - median[c]).max(0.0)) / means[c];
+                        let most = lit.iter().map(|&c| of(c)).fold(0.0, f64::max);
+                        share = most * solid_angles[index / width - top] / (4.0 * PI);
+                    }
                     let flux = flux / (surroundings * block_angle);
                     if flux > least && share >= least_share {
                         // Noise asks for the largest beside their surroundings, a kernel's horizon for the largest of all.

@@ -31,10 +31,12 @@ const NEIGHBOURS: f64 = 0.0125;
 const LEAST_NEIGHBOURS: usize = 5;
 /// Texels whose weights are known before they are summed.
 const TOGETHER: usize = 16;
-/// A flat texel across the horizon is off by so much of its flux, times the slope of the kernel there and its extent squared; and that may be so
-/// much of a dark output.
+/// Of the first row from a pole, twice the extents to the horizon within which a texel is integrated exactly; of the others less and less.
+const BELT: f64 = 4.0;
+/// A flat texel across the horizon is off by so much of its flux, times the slope of the kernel there and its extent squared, more towards the poles; and
+/// of all of them that may be so much of a dark output.
 const FLAT: f64 = 0.03;
-const LEFT_ACROSS: f64 = 5e-6;
+const LEFT_ACROSS: f64 = 2e-5;
 
 /// Peeled texels, in the order of their flux.
 #[derive(Debug)]
@@ -57,6 +59,10 @@ struct Texel {
     /// Along x and z.
     across: [f64; 2],
     flux: [f64; 3],
+    /// 1 + |cot θ|: how unlike a rectangle it is.
+    taper: f64,
+    /// How many times farther than others it must be from the horizon: near a pole a texel is a triangle, whose third moments count.
+    belt: f64,
 }
 
 /// Texels beside each other, as one light.
@@ -181,6 +187,8 @@ impl Bright {
                 down: half_down * DVec3::new(cos * cos_phi, -sin, cos * sin_phi),
                 across: [-half_across * sin_phi, half_across * cos_phi],
                 flux: radiance.map(|r| r * panorama.solid_angle(row)),
+                taper: 1.0 + (cos / sin).abs(),
+                belt: (BELT / (row.min(height - 1 - row) as f64 + 0.5)).max(1.0),
             }
         };
         let texels: Vec<Texel> = peel.texels().map(texel).collect();
@@ -193,7 +201,12 @@ impl Bright {
     pub fn exact_across(&self, kernel: &Kernel, darkest: [f64; 3]) -> usize {
         let [slope, ..] = kernel.horizon();
         let off = FLAT * self.extent * self.extent * slope;
-        let shows = |texel: &Texel| (0..3).any(|c| off * texel.flux[c] > LEFT_ACROSS * darkest[c]);
+        // All of the others may lie across it at once.
+        let mut left = [0.0; 3];
+        let shows = |texel: &Texel| {
+            (0..3).for_each(|c| left[c] += off * texel.taper * texel.flux[c]);
+            (0..3).any(|c| left[c] > LEFT_ACROSS * darkest[c])
+        };
         self.texels.iter().rposition(shows).map_or(0, |last| last + 1)
     }
 
@@ -309,7 +322,7 @@ impl Bright {
                     let (value, curvature) = P::both(kernel, lit, 1.0 - lit);
                     let value = value + curvature * (1.0 / 6.0) * (g * g + h * h);
                     let is_near = if c > near_from { 1.0 } else { 0.0 };
-                    odd[i] = if c.abs() < belt { 1.0 } else { is_near };
+                    odd[i] = if c.abs() < belt * texel.belt { 1.0 } else { is_near };
                     let value = if odd[i] == 0.0 { value } else { 0.0 };
                     weights[i] = if c > 0.0 { value } else { 0.0 };
                 }
@@ -367,7 +380,7 @@ impl Bright {
     ) -> f64 {
         let texel = &self.texels[index];
         let c = axis.dot(texel.middle);
-        let flat = c.abs() < self.reach && is_flat(self.extent, kernel);
+        let flat = c.abs() < self.reach && texel.belt == 1.0 && is_flat(self.extent, kernel);
         if c > near_from || index < exact_across || !flat {
             let (of_map, solid_angle) = self.peel.texel(index);
             return exact.texel_weight(of_map, lobe) / solid_angle;

@@ -9,11 +9,14 @@
 //! part near the axis is summed over the texels there (`split`).
 
 mod analysis;
+mod beyond;
 mod bright;
+mod dark;
 mod eigenvalues;
 mod fft;
 mod lanes;
 mod legendre;
+mod mend;
 mod nodes;
 mod plan;
 mod sides;
@@ -38,9 +41,11 @@ use super::panorama::Panorama;
 use super::peel::Peel;
 use analysis::{Coefficients, Rows, Texels, analyse};
 use bright::Bright;
+use dark::{Dark, cells};
 use legendre::Degrees;
+use mend::Weak;
 use nodes::Nodes;
-use plan::{Plan, cells, darkest, is_wide, lambdas, row_rule, usual_degree};
+use plan::{MOST_DEGREE, Plan, is_wide, lambdas, row_rule, usual_degree};
 use sides::{BAND, SIDES, fill_band};
 use split::Places;
 use survey::{Survey, moments};
@@ -53,8 +58,9 @@ const MOST_PEELED: [usize; 2] = [1024, 64];
 /// Peeled texels that all kernels may as well share.
 const FEW: usize = 16;
 
-/// Peeled texels that cost more than the degrees with which most of them need not be.
+/// More peeled texels are parts of lamps: all that is brighter than the darkest texel is then taken off, if it is so many times what else shows.
 const MANY: usize = 64;
+const LAMPS: f64 = 4.0;
 
 /// A bound of truncation above this, which is some hundred times what truncation does, asks for more degrees.
 const HARD: f64 = 3e-3;
@@ -81,6 +87,8 @@ pub struct Zonal<'a> {
     parts: Vec<Part>,
     /// The darkest and the brightest texel: no average lies beyond.
     range: [[f64; 3]; 2],
+    /// Where functions may be off.
+    weak: Vec<Weak>,
     /// The last rings that were made: levels ask for theirs more than once, and a chain that ends at alpha 1 and the irradiance share them.
     last: Mutex<Vec<(Kernel, Arc<Rings>)>>,
 }
@@ -139,8 +147,8 @@ impl<'a> Zonal<'a> {
         let cells = cells(panorama, &survey);
         let mut plans: [Vec<Plan>; 2] = [vec![], vec![]];
         let of_kernel = |kernel: &Kernel| {
-            let darkest = darkest(panorama, &cells, kernel, instructions);
-            Plan::new(*kernel, darkest, usual_degree(kernel) / 2, panorama.height(), instructions)
+            let dark = Dark::new(panorama, &cells, kernel, instructions);
+            Plan::new(*kernel, dark, usual_degree(kernel) / 2, panorama.height(), instructions)
         };
         let all: Vec<Option<Plan>> = kernels.par_iter().with_max_len(1).map(of_kernel).collect();
         for plan in all.into_iter().flatten() {
@@ -148,7 +156,9 @@ impl<'a> Zonal<'a> {
         }
         let parts = parts(panorama, &survey, plans, instructions);
         let range = [panorama.min(), panorama.max()].map(|texel| texel.map(f64::from));
-        Self { panorama, exact, instructions, parts, range, last: Mutex::default() }
+        let mut zonal = Self { panorama, exact, instructions, parts, range, weak: vec![], last: Mutex::default() };
+        zonal.mend(&survey);
+        zonal
     }
 
     /// Prepares the full sum that functions are measured against.
@@ -316,12 +326,15 @@ impl Function<'_> {
         });
     }
 
-    /// The difference from the full sum where it is likely to be largest: root mean square and maximum, relative to the value
+    /// The difference from the full sum where it is likely to be largest (in directions that the last degrees point at, too): root mean square and maximum, relative to the value
     /// or to [`super::DARK_FLOOR`] of the mean. `cube` holds this function.
     pub fn measure(&self, cube: &Cube) -> (f64, f64) {
         let mean = self.zonal.panorama.mean();
         self.zonal.exact.prepare();
-        let errors: Vec<f64> = aims(self.zonal.exact.sun(), &self.kernel, cube)
+        let weak = self.zonal.weak.iter().filter(|weak| weak.kernel == self.kernel);
+        let mut aims = aims(self.zonal.exact.sun(), &self.kernel, cube);
+        aims.extend(weak.flat_map(|weak| &weak.directions));
+        let errors: Vec<f64> = aims
             .par_iter()
             .flat_map_iter(|&direction| {
                 let wanted = self.zonal.exact.evaluate(direction, &self.kernel);
@@ -363,12 +376,12 @@ fn aims(sun: DVec3, kernel: &Kernel, cube: &Cube) -> Vec<DVec3> {
 }
 
 impl Part {
-    /// With more degrees where those that an easy map takes leave too much out; twice the usual ones where texels are left because of that.
+    /// With more degrees where those that an easy map takes leave too much out; so many times the usual ones where texels are left because of that.
     fn patient(
         panorama: &Panorama,
         survey: &Survey,
         plans: Vec<Plan>,
-        (peel, is_hard): (Peel, bool),
+        (peel, times): (Peel, usize),
         instructions: InstructionSet,
     ) -> Self {
         let rest = Rest::new(panorama, survey, &peel);
@@ -376,10 +389,12 @@ impl Part {
         let mean = panorama.mean();
         let wanted = |plan: &Plan| {
             let left = part.truncation(plan, mean);
-            let most = 2 * usual_degree(&plan.kernel);
+            let most = (times.max(2) * usual_degree(&plan.kernel)).min(MOST_DEGREE);
             let enough = (libm::cbrt(LESS * left / HARD) * plan.degree() as f64) as usize;
-            let is_short = (is_hard || left > HARD) && plan.split.is_none() && is_wide(&plan.kernel);
-            is_short.then_some((left, if is_hard { most } else { enough.min(most) }))
+            // (What a slight kink leaves out is too much only where all else has been tried.)
+            let is_kinked = is_wide(&plan.kernel) || times > 2;
+            let is_short = (times > 1 || left > HARD) && plan.split.is_none() && is_kinked;
+            is_short.then_some((left, if times > 1 { most.max(plan.degree()) } else { enough.min(most) }))
         };
         let wanted: Vec<Option<(f64, usize)>> = part.plans.iter().map(wanted).collect();
         let takers = || part.plans.iter().zip(&wanted).filter_map(|(plan, wanted)| Some((plan.degree(), (*wanted)?)));
@@ -392,14 +407,14 @@ impl Part {
         let own: Vec<usize> = part.plans.par_iter().zip(&wanted).map(own_of).collect();
         if part.plans.iter().zip(&own).any(|(plan, &own)| own as f64 > FARTHER * plan.degree() as f64) {
             let more = |(plan, own): (Plan, usize)| {
-                let again = || Plan::new(plan.kernel, plan.darkest, own, panorama.height(), instructions);
+                let again = || Plan::new(plan.kernel, plan.dark.clone(), own, panorama.height(), instructions);
                 (own > plan.degree()).then(again).flatten().unwrap_or(plan)
             };
             let plans = part.plans.into_iter().zip(own).map(more).collect();
             part = Self::new(panorama, &rest, plans, part.bright, instructions);
         }
         // From half of the kernels' own degrees on: what these then hold of the upper half is less, and needs fewer rings.
-        let tail = Tail::new(&rest, least / 2, lambert, instructions);
+        let tail = Tail::new(&rest, least / 2, lambert, mean, instructions);
         part.plans.par_iter_mut().zip(wanted).with_max_len(1).for_each(|(plan, wanted)| {
             if let Some((left, _)) = wanted {
                 plan.take(&tail, left, instructions);
@@ -437,11 +452,16 @@ impl Part {
     }
 }
 
-/// The texels that show across the horizon of one of these kernels, given so many times its usual degrees.
-fn peel_for(panorama: &Panorama, survey: &Survey, plans: &[Plan], times: usize) -> Peel {
-    let least = plans.iter().map(|plan| least_share(plan, times, panorama.height())).fold(1.0, f64::min);
+/// The texels that show across the horizon of one of these kernels.
+fn peel_for(panorama: &Panorama, survey: &Survey, plans: &[Plan]) -> Peel {
     let is_wide = plans.iter().any(|plan| is_wide(&plan.kernel) && plan.split.is_none());
+    let least = least_of(plans, 1, panorama.height());
     Peel::strongest(panorama, &survey.brightest, least, MOST_PEELED[usize::from(!is_wide)])
+}
+
+/// The least that one of these kernels, given so many times its usual degrees, asks of a texel to be peeled off.
+fn least_of(plans: &[Plan], times: usize, height: usize) -> f64 {
+    plans.iter().map(|plan| least_share(plan, times, height)).fold(1.0, f64::min)
 }
 
 /// Kernels that see the same panorama: all of them, if wide ones ask for few texels to be peeled off; else wide ones, and narrow
@@ -455,20 +475,21 @@ fn parts(
     let mut parts = vec![];
     let mut rest = narrow;
     if !wide.is_empty() {
-        let mut peel = peel_for(panorama, survey, &wide, 1);
-        let is_hard = peel.len() > MANY;
-        if is_hard {
-            peel = peel_for(panorama, survey, &wide, 2);
+        let mut peel = peel_for(panorama, survey, &wide);
+        if peel.len() > MANY {
+            let lamps = Peel::thoroughly(panorama, LAMPS * least_of(&wide, 1, panorama.height()), MOST_PEELED[0]);
+            // (A part of a lamp is no smoother than all of it.)
+            peel = if lamps.len() < MOST_PEELED[0] { lamps } else { peel };
         }
         let mut plans = wide;
         if peel.len() <= FEW {
             plans.append(&mut rest);
         }
-        parts.push(Part::patient(panorama, survey, plans, (peel, is_hard), instructions));
+        parts.push(Part::patient(panorama, survey, plans, (peel, 1), instructions));
     }
     if !rest.is_empty() {
-        let peel = peel_for(panorama, survey, &rest, 1);
-        parts.push(Part::patient(panorama, survey, rest, (peel, false), instructions));
+        let peel = peel_for(panorama, survey, &rest);
+        parts.push(Part::patient(panorama, survey, rest, (peel, 1), instructions));
     }
     parts
 }

@@ -7,18 +7,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
-
+use super::dark::Dark;
 use super::eigenvalues::{Remainder, eigenvalues};
 use super::fft::Fft;
-use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale};
+use super::lanes::InstructionSet;
 use super::legendre::Degrees;
 use super::split::Split;
-use super::survey::Survey;
 use super::tail::Tail;
-use crate::environment::DARK_FLOOR;
-use crate::environment::kernel::{Kernel, Profile, with_profile};
-use crate::environment::panorama::Panorama;
+use crate::environment::kernel::Kernel;
 use crate::math::quadrature::{Rule, gauss_legendre};
 
 /// Kernels that rise from their horizon at more than this (per steradian and radian: `nol` at alpha 0.1) have a horizon that shows: their λ_l
@@ -69,7 +65,9 @@ pub(super) struct Plan {
     pub any_map: f64,
     /// ‖κ‖; with a tail, of degrees that it has nothing of.
     pub remainder_norm: f64,
-    /// The darkest output that was reckoned with, in parts of the mean.
+    /// How dark outputs were reckoned with.
+    pub dark: Dark,
+    /// The darkest of them, in parts of the mean.
     pub darkest: f64,
 }
 
@@ -91,19 +89,18 @@ pub(super) struct Share {
 }
 
 impl Plan {
-    /// The plan of a kernel on a map whose filtered values are no darker than `darkest` of the mean; `None` if it takes more than
-    /// [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`. A cap narrower than what so many degrees resolve as
+    /// The plan of a kernel on a map whose filtered values are no darker than that; `None` if it takes more than [`MOST_DEGREE`] degrees. A wide kernel takes at least `least_wide`. A cap narrower than what so many degrees resolve as
     /// a map of `height` rows is worth is split.
     pub fn new(
         kernel: Kernel,
-        darkest: f64,
+        dark: Dark,
         least_wide: usize,
         height: usize,
         instructions: InstructionSet,
     ) -> Option<Self> {
         let worth = (3 * height / 2).clamp(256, 1024);
         if !kernel.is_ring() && kernel.alpha() < 4.0 / worth as f64 {
-            return Some(Self::split(kernel, darkest, worth, instructions));
+            return Some(Self::split(kernel, dark, worth, instructions));
         }
         let (width, wide) = (kernel.width(), is_wide(&kernel));
         let ring = kernel.is_ring();
@@ -114,6 +111,7 @@ impl Plan {
         }
         let value = |w: f64| kernel.eval(w);
         let mut lambda = lambdas(&kernel, most, instructions);
+        let darkest = dark.darkest();
         let floor = darkest / (4.0 * PI);
         let step = (most / 64).max(1);
         let peak = Remainder::new([&value; 2], width, 1.2, floor).relative(&lambda, step, instructions);
@@ -141,12 +139,14 @@ impl Plan {
             eigenvalues: lambda,
             share: None,
             remainder_norm,
+            dark,
             darkest,
         })
     }
 
     /// The plan of a kernel whose part near the axis is summed, so that the rest takes about `degree` degrees.
-    fn split(kernel: Kernel, darkest: f64, degree: usize, instructions: InstructionSet) -> Self {
+    fn split(kernel: Kernel, dark: Dark, degree: usize, instructions: InstructionSet) -> Self {
+        let darkest = dark.darkest();
         let split = Split::new(kernel, degree);
         let (rest, whole) = (|w: f64| split.rest(w), |w: f64| kernel.eval(w));
         let most = 3 * degree / 2;
@@ -178,6 +178,7 @@ impl Plan {
             eigenvalues: lambda,
             share: None,
             remainder_norm,
+            dark,
             darkest,
         }
     }
@@ -333,73 +334,4 @@ pub(super) fn row_rule(narrowest: f64, degree: usize, height: usize) -> Rule {
     let nodes = (0..parts as usize).flat_map(|i| part.nodes.iter().map(move |t| (i as f64 + t) / parts)).collect();
     let weights = part.weights.iter().map(|w| w / parts).cycle().take(n * parts as usize).collect();
     Rule { nodes, weights }
-}
-
-/// About how dark the darkest output of a kernel is, in parts of its channel's mean; from a coarse map of cells, rather too dark than
-/// too bright, and never below [`DARK_FLOOR`].
-pub(super) fn darkest(panorama: &Panorama, cells: &[Cell], kernel: &Kernel, instructions: InstructionSet) -> f64 {
-    /// Cells do not resolve narrower kernels.
-    const NARROWEST: f64 = 0.1;
-    let (mean, kernel) = (panorama.mean(), Kernel::of(kernel.kind(), kernel.alpha().max(NARROWEST)));
-    let darkest = instructions.run(
-        #[inline(always)]
-        || with_profile!(kernel, P => darkest_of::<P>(&kernel, cells, mean)),
-    );
-    (0.3 * darkest).max(DARK_FLOOR)
-}
-
-/// The smallest average of the cells over directions of a spiral, in parts of the mean; 1 if none is below it.
-#[inline(always)]
-fn darkest_of<P: Profile>(kernel: &Kernel, cells: &[Cell], mean: [f64; 3]) -> f64 {
-    const DIRECTIONS: usize = 256;
-    let axis = |i: usize| {
-        let y = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
-        let (sin, cos) = libm::sincos(i as f64 * 2.399_963_229_728_653);
-        DVec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + DVec3::Y * y
-    };
-    let mut darkest = 1.0f64;
-    for first in (0..DIRECTIONS).step_by(LANES) {
-        let axes: [DVec3; LANES] = std::array::from_fn(|i| axis(first + i));
-        let [x, y, z] = [axes.map(|a| a.x), axes.map(|a| a.y), axes.map(|a| a.z)];
-        let (mut sums, mut weights) = ([ZERO; 3], ZERO);
-        for cell in cells {
-            let d = cell.direction;
-            let weight: V = std::array::from_fn(|i| P::at(kernel, x[i] * d.x + y[i] * d.y + z[i] * d.z));
-            weights = add(weights, scale(weight, cell.solid_angle));
-            (0..3).for_each(|c| sums[c] = add(sums[c], scale(weight, cell.flux[c])));
-        }
-        for c in (0..3).filter(|&c| mean[c] > 0.0) {
-            (0..LANES).for_each(|i| darkest = darkest.min(sums[c][i] / (weights[i] * mean[c])));
-        }
-    }
-    darkest
-}
-
-/// A part of the map, as one light.
-pub(super) struct Cell {
-    direction: DVec3,
-    flux: [f64; 3],
-    solid_angle: f64,
-}
-
-/// The map in some 32 × 16 cells.
-pub(super) fn cells(panorama: &Panorama, survey: &Survey) -> Vec<Cell> {
-    let (width, height) = (panorama.width(), panorama.height());
-    let (across, down) = (survey.across, height.min(16));
-    let mut cells: Vec<Cell> =
-        (0..across * down).map(|_| Cell { direction: DVec3::ZERO, flux: [0.0; 3], solid_angle: 0.0 }).collect();
-    for (row, sums) in survey.rows.iter().enumerate() {
-        let solid_angle = panorama.solid_angle(row);
-        let band = row * down / height;
-        for (i, (cell, sums)) in cells[band * across..][..across].iter_mut().zip(&sums.cells).enumerate() {
-            cell.solid_angle += solid_angle * survey.columns(i, width).len() as f64;
-            (0..3).for_each(|c| cell.flux[c] += sums[c] * solid_angle);
-        }
-    }
-    for (i, cell) in cells.iter_mut().enumerate() {
-        let theta = PI * ((i / across) as f64 + 0.5) / down as f64;
-        let (sin, cos) = libm::sincos(TAU * ((i % across) as f64 + 0.5) / across as f64 - PI);
-        cell.direction = DVec3::new(libm::sin(theta) * cos, libm::cos(theta), libm::sin(theta) * sin);
-    }
-    cells
 }

@@ -157,6 +157,10 @@ impl Split {
                 let (sin_phi, cos_phi) = libm::sincos(dphi * (column as f64 + 0.5) - PI);
                 let centre = DVec3::new(sin * cos_phi, cos, sin * sin_phi);
                 let distance = ((axis - centre).length() - diagonal).max(0.0);
+                if 0.5 * distance * distance >= self.cut() {
+                    shared = None;
+                    continue;
+                }
                 let fall = (distance + 2.0 * diagonal) * extent / self.w0;
                 let rule = RULES.iter().position(|&(_, extents, most)| distance >= extents * extent && fall <= most);
                 let weight = match rule {
@@ -235,7 +239,9 @@ impl Split {
             let distance = ((axis - middle).length() - 0.5 * chord).max(0.0);
             // F follows e⁻ᵘ, which falls by at most e⁶·⁶ over √w₀ before it counts for nothing.
             let near = 0.5 * distance * distance < self.cut() && chord * chord > self.w0;
-            if near || chord > distance.hypot(width) {
+            // (dψ is as singular opposite to the axis.)
+            let from_opposite = ((axis + middle).length() - 0.5 * chord).max(0.0);
+            if near || chord > distance.min(from_opposite).hypot(width) {
                 length *= 0.5;
                 continue;
             }

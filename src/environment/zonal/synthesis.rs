@@ -181,15 +181,62 @@ impl Rings {
             r if r > last => (2 * last + 1 - r, opposite()),
             r => (r, column),
         };
-        let (north, south) = (ring as usize, (last - ring) as usize);
-        let (strip, row, column) = match (self.is_even, north <= south) {
-            (false, true) => (north / LANES, north % LANES, column),
-            (false, false) => (south / LANES, south % LANES + LANES, column),
-            (true, true) => (north / (2 * LANES), north % (2 * LANES), column),
-            (true, false) => (south / (2 * LANES), south % (2 * LANES), self.within(column + self.columns / 2)),
-        };
-        (strip, row * (self.columns + 2 * MARGIN) + column + MARGIN + 1 - TAPS / 2)
+        let (strip, first, is_turned) = self.ring(ring as usize);
+        let column = if is_turned { self.within(column + self.columns / 2) } else { column };
+        (strip, first + column + 1 - TAPS / 2)
     }
+
+    /// Where a ring lies: the strip, its first column there, and whether it is half a turn from where it should be.
+    #[inline(always)]
+    fn ring(&self, ring: usize) -> (usize, usize, bool) {
+        let (north, south) = (ring, self.rings - 1 - ring);
+        let (strip, row, is_turned) = match (self.is_even, north <= south) {
+            (false, true) => (north / LANES, north % LANES, false),
+            (false, false) => (south / LANES, south % LANES + LANES, false),
+            (true, true) => (north / (2 * LANES), north % (2 * LANES), false),
+            (true, false) => (south / (2 * LANES), south % (2 * LANES), true),
+        };
+        (strip, row * (self.columns + 2 * MARGIN) + MARGIN, is_turned)
+    }
+
+    /// The largest values in each of `across` × `down` bins, of equal parts of a turn and of the height; the channels are compared by their
+    /// products with `weights`.
+    pub fn peaks(&self, [across, down]: [usize; 2], weights: [f64; 3]) -> Vec<Peak> {
+        let mut peaks = vec![Peak::default(); across * down];
+        for ring in 0..self.rings {
+            let (sin, y) = libm::sincos(PI * (ring as f64 + 0.5) / self.rings as f64);
+            let row = ((0.5 * (1.0 - y) * down as f64) as usize).min(down - 1);
+            let (strip, first, is_turned) = self.ring(ring);
+            let line = &self.strips[strip][first..first + self.columns];
+            for (bin, peak) in peaks[row * across..][..across].iter_mut().enumerate() {
+                let mut at = None;
+                for column in bin * self.columns / across..(bin + 1) * self.columns / across {
+                    let texel = line[if is_turned { self.within(column + self.columns / 2) } else { column }];
+                    let values: [f64; 3] = std::array::from_fn(|c| f64::from((texel[c] - self.base[c]).abs()));
+                    (0..3).for_each(|c| peak.values[c] = peak.values[c].max(values[c]));
+                    let height = (0..3).map(|c| values[c] * weights[c]).fold(0.0, f64::max);
+                    if height > peak.height {
+                        (peak.height, at) = (height, Some(column));
+                    }
+                }
+                if let Some(column) = at {
+                    let (up, along) = libm::sincos(TAU * column as f64 / self.columns as f64 - PI);
+                    peak.direction = DVec3::new(sin * along, y, sin * up);
+                }
+            }
+        }
+        peaks
+    }
+}
+
+/// What is largest in a bin of directions.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Peak {
+    /// The largest absolute value of each channel.
+    pub values: [f64; 3],
+    /// The largest of all, weighted, and where it is.
+    pub height: f64,
+    pub direction: DVec3,
 }
 
 /// The whole part of a position, and the rest.

@@ -10,6 +10,7 @@
 
 use super::InstructionSet;
 use super::analysis::{Rows, Texels, analyse};
+use super::beyond::Beyond;
 use super::fft::Fft;
 use super::legendre::Degrees;
 use super::nodes::Nodes;
@@ -27,13 +28,21 @@ pub(super) struct Tail {
     pub eigenvalues: Vec<f64>,
     /// The degree that it begins behind.
     pub behind: usize,
+    /// What it leaves out.
+    pub beyond: Beyond,
     /// Σ |f_lm|² of each degree and channel.
     powers: Vec<[f64; 3]>,
 }
 
 impl Tail {
-    /// From even degrees beyond one up to the last that Lambert's λ_l are given of.
-    pub fn new(map: &dyn Texels, behind: usize, eigenvalues: Vec<f64>, instructions: InstructionSet) -> Self {
+    /// From even degrees beyond one up to the last that Lambert's λ_l are given of; `mean` is the whole map's.
+    pub fn new(
+        map: &dyn Texels,
+        behind: usize,
+        eigenvalues: Vec<f64>,
+        mean: [f64; 3],
+        instructions: InstructionSet,
+    ) -> Self {
         let degree = eigenvalues.len() - 1;
         let parts = degree.div_ceil(map.shape()[1]);
         let middles = || Rule {
@@ -45,7 +54,8 @@ impl Tail {
         let rings = RINGS * degree as f64;
         let grid = [rings as usize, Fft::fast_length((1.8 * rings) as usize)];
         let rings = Rings::of_even(&coefficients, (&eigenvalues, behind), grid, instructions);
-        Self { rings, eigenvalues, behind, powers: coefficients.powers() }
+        let beyond = Beyond::new(&coefficients, (&eigenvalues, false), mean, instructions);
+        Self { rings, eigenvalues, behind, beyond, powers: coefficients.powers() }
     }
 
     pub fn degree(&self) -> usize {
@@ -77,7 +87,7 @@ mod tests {
         for (width, behind, degree, tolerance) in [(128, 16, 64, 0.08), (64, 16, 64, 0.08), (256, 10, 32, 0.16)] {
             let (panorama, set) = (random(width, 11, Some((width / 3, width / 7))), InstructionSet::detect());
             let map = Rest::whole(&panorama, [0.0; 3]);
-            let tail = Tail::new(&map, behind, lambdas(&Kernel::new(1.0), degree, set), set);
+            let tail = Tail::new(&map, behind, lambdas(&Kernel::new(1.0), degree, set), [1.0; 3], set);
             let rows = Rows::Points(row_rule(0.1, degree, width / 2));
             let exact = analyse(&map, degree, Degrees::All, &rows, set);
             let is_meant = |l: &usize| Degrees::EvenAbove(behind).contains(*l);

@@ -1,0 +1,185 @@
+//! Kernels that a map is too hard for, found and done again.
+//!
+//! How many texels are peeled off and how many degrees are taken follows from what most maps ask for. Lamps that fill blocks of texels, that lie
+//! at a pole, or in a row along somebody's horizon ask for more, and no bound tells which maps these are. So the last degrees are looked at
+//! (`beyond`): where they say that something may show, it is measured against the full sum, in those very directions; and what is off is done again with
+//! more peeled texels and more degrees, and in the end by the full sum itself.
+
+use std::f64::consts::PI;
+use std::sync::PoisonError;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::beyond::{Beyond, Suspect};
+use super::dark::BINS;
+use super::lanes::InstructionSet;
+use super::plan::{Plan, is_wide, lambdas, usual_degree};
+use super::survey::Survey;
+use super::{Function, Part, Zonal, least_of};
+use crate::environment::DARK_FLOOR;
+use crate::environment::kernel::Kernel;
+use crate::environment::peel::Peel;
+
+/// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.06 of the bound on some thousand random maps.
+const LOOK: f64 = 1e-3;
+/// What the last degrees may tell for what is left out to be little: it was at most 0.8 of that on the same maps. And what it may be where it is
+/// measured in those directions in which it is likely to be most.
+const GOOD: f64 = 1.2e-4;
+const ENOUGH: f64 = 8e-5;
+/// The part of it from which on directions are among those that a certificate looks at.
+const SEEN: f64 = 0.25;
+/// Places in which it is measured.
+const SUSPECTS: usize = 8;
+
+/// What is done about kernels that too much is left out of.
+struct Effort {
+    /// Degrees, in times the usual ones.
+    times: usize,
+    /// How much less than what is usual, and than what the error asks for, makes a texel be peeled off.
+    share: f64,
+    /// Texels that are peeled off at most.
+    most: usize,
+}
+
+const EFFORTS: [Effort; 3] = [
+    Effort { times: 2, share: 0.5, most: 2048 },
+    Effort { times: 4, share: 0.1, most: 4096 },
+    Effort { times: 8, share: 0.02, most: 16384 },
+];
+
+/// Where a kernel's function may be off.
+#[derive(Debug)]
+pub(super) struct Weak {
+    pub kernel: Kernel,
+    pub directions: Vec<DVec3>,
+    /// By how much it was, measured there and beside them; nothing where it was not measured.
+    off: f64,
+}
+
+impl Zonal<'_> {
+    /// Takes more trouble with kernels that too much is left out of; those that nothing helps are to be summed over the texels.
+    pub(super) fn mend(&mut self, survey: &Survey) {
+        for effort in EFFORTS.iter().map(Some).chain([None]) {
+            self.weak = self.weakest();
+            let bad: Vec<&Weak> = self.weak.iter().filter(|weak| weak.off > ENOUGH).collect();
+            let Some(worst) = bad.iter().map(|weak| weak.off).reduce(f64::max) else { return };
+            let bad: Vec<Kernel> = bad.iter().map(|weak| weak.kernel).collect();
+            let is_bad = |kernel: &Kernel| bad.contains(kernel);
+            self.last.get_mut().unwrap_or_else(PoisonError::into_inner).retain(|(kernel, _)| !is_bad(kernel));
+            let mut again = vec![];
+            for part in &mut self.parts {
+                again.extend(part.plans.extract_if(.., |plan| is_bad(&plan.kernel)));
+            }
+            self.parts.retain(|part| !part.plans.is_empty());
+            let Some(effort) = effort else { return };
+            let height = self.panorama.height();
+            let fresh = |plan: Plan| {
+                let least = usual_degree(&plan.kernel) / 2;
+                Plan::new(plan.kernel, plan.dark, least, height, self.instructions)
+            };
+            let plans: Vec<Plan> = again.into_iter().filter_map(fresh).collect();
+            let least = effort.share * GOOD / worst * least_of(&plans, effort.times, height);
+            let peel = Peel::thoroughly(self.panorama, least, effort.most);
+            self.parts.push(Part::patient(self.panorama, survey, plans, (peel, effort.times), self.instructions));
+        }
+    }
+
+    /// Where what is left out of each kernel may show; and how much it does, where the last degrees do not tell that it is little.
+    fn weakest(&self) -> Vec<Weak> {
+        let mean = self.panorama.mean();
+        let of_part = |part: &Part| {
+            let suspects = part.suspects(mean, self.instructions);
+            let kernels = part.plans.iter().map(|plan| plan.kernel);
+            kernels.zip(suspects).filter(|(_, suspects)| !suspects.is_empty()).collect::<Vec<_>>()
+        };
+        let suspects: Vec<(Kernel, Vec<Suspect>)> = self.parts.iter().flat_map(of_part).collect();
+        suspects.into_iter().map(|(kernel, suspects)| self.weak(kernel, &suspects)).collect()
+    }
+
+    fn weak(&self, kernel: Kernel, suspects: &[Suspect]) -> Weak {
+        let (mean, function) = (self.panorama.mean(), self.function(&kernel));
+        // How dark it is there is known better now.
+        let part = |suspect: &Suspect| {
+            let value = function.at(suspect.direction);
+            let lit = (0..3).filter(|&c| mean[c] > 0.0);
+            lit.map(|c| suspect.left_out[c] / value[c].max(DARK_FLOOR * mean[c])).fold(0.0, f64::max)
+        };
+        let mut suspects: Vec<(f64, DVec3)> = suspects.par_iter().map(|s| (part(s), s.direction)).collect();
+        suspects.sort_by(|a, b| b.0.total_cmp(&a.0));
+        suspects.truncate(SUSPECTS);
+        let directions = suspects.iter().map(|(_, direction)| *direction).collect();
+        suspects.retain(|(part, _)| *part > GOOD);
+        if suspects.is_empty() {
+            return Weak { kernel, directions, off: 0.0 };
+        }
+        self.exact.prepare();
+        let beside = 1.0 / function.degree as f64;
+        let around = |direction: DVec3| {
+            let (side, up) = direction.any_orthonormal_pair();
+            [DVec3::ZERO, side, up, -side, -up].map(|offset| (direction + beside * offset).normalize())
+        };
+        // (Maps that are alike all round have their largest errors just at the poles.)
+        let poles = [DVec3::Y, DVec3::NEG_Y];
+        let measured: Vec<DVec3> = suspects.into_iter().flat_map(|(_, d)| around(d)).chain(poles).collect();
+        let off = measured.par_iter().map(|&direction| self.error(&function, direction)).reduce(|| 0.0, f64::max);
+        Weak { kernel, directions, off }
+    }
+
+    /// The largest error of a function in a direction, in parts of the value or of [`DARK_FLOOR`] of the mean.
+    fn error(&self, function: &Function, direction: DVec3) -> f64 {
+        let mean = self.panorama.mean();
+        let (got, wanted) = (function.at(direction), self.exact.evaluate(direction, &function.kernel));
+        let of_channel = |c: usize| {
+            let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
+            if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }
+        };
+        (0..3).map(of_channel).fold(0.0, f64::max)
+    }
+}
+
+impl Part {
+    /// For each plan where what is left out may show; nothing where it does not.
+    fn suspects(&self, mean: [f64; 3], instructions: InstructionSet) -> Vec<Vec<Suspect>> {
+        // What is known of the last degrees, even or odd, up to some one of the kernels' own.
+        let mut known: Vec<(usize, bool, Beyond)> = vec![];
+        let mut lambert = vec![];
+        let mut of_plan = |plan: &Plan| {
+            if self.truncation(plan, mean) < LOOK {
+                return vec![];
+            }
+            let mut suspects = vec![Suspect::default(); BINS[0] * BINS[1]];
+            if let (Some(tail), Some(share)) = (&self.tail, &plan.share) {
+                tail.beyond.add_to(&mut suspects, share.factor);
+            }
+            for is_odd in [false, true].into_iter().skip(usize::from(plan.share.is_some())) {
+                let degree = plan.degree();
+                let is_same = |(of, odd, _): &(usize, bool, Beyond)| (*of, *odd) == (degree, is_odd);
+                // (The last degrees of a narrow kernel are its peak's, of which nothing is left; its kink is slight.)
+                let is_wide = is_wide(&plan.kernel) && plan.split.is_none();
+                if is_odd && !is_wide {
+                    continue;
+                }
+                if !known.iter().any(is_same) {
+                    if lambert.len() <= degree {
+                        lambert = lambdas(&Kernel::new(1.0), self.coefficients.degree, instructions);
+                    }
+                    let lambda = if is_odd { &plan.eigenvalues } else { &lambert[..=degree] };
+                    known.push((degree, is_odd, Beyond::new(&self.coefficients, (lambda, is_odd), mean, instructions)));
+                }
+                if let Some((.., beyond)) = known.iter().find(|of| is_same(of)) {
+                    let [slope, ..] = plan.kernel.horizon();
+                    let factor = if is_wide { beyond.factor(&plan.eigenvalues) } else { PI * slope };
+                    beyond.add_to(&mut suspects, factor);
+                }
+            }
+            let shows = |(bin, suspect): (usize, &Suspect)| {
+                let dark = plan.dark.in_bin(bin);
+                (0..3).any(|c| mean[c] > 0.0 && suspect.left_out[c] > SEEN * GOOD * dark[c] * mean[c])
+            };
+            let shows: Vec<bool> = suspects.iter().enumerate().map(shows).collect();
+            suspects.into_iter().zip(shows).filter_map(|(suspect, shows)| shows.then_some(suspect)).collect()
+        };
+        self.plans.iter().map(|plan| of_plan(plan)).collect()
+    }
+}
