@@ -11,6 +11,7 @@ use harness::Case;
 use kiln::environment::{
     FullSum, InstructionSet, Kernel, MonteCarlo, Panorama, Reading, Zonal, area_average, builtin, load,
 };
+use rayon::prelude::*;
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::process::Command;
@@ -98,18 +99,26 @@ fn full_sum(size: usize, alpha: f64) {
     black_box(FullSum::new(&SKY).filter(size, &Kernel::new(alpha), &|_| {}));
 }
 
-/// Level 0 of a chain from `size` by area average, the others with these alphas, and irradiance at 32²: the filter alone, nothing measured.
+/// Level 0 of a chain from `size` by area average, the others with these alphas, and irradiance at 32²: the filter alone, nothing measured for a
+/// certificate, all levels at once as the command does them.
 fn chain(panorama: &Panorama, size: usize, alphas: &[f64], instructions: InstructionSet) {
-    black_box(area_average(panorama, size));
-    zonal(panorama, size, alphas, instructions);
+    levels(panorama, size, alphas, instructions, true);
 }
 
 fn zonal(panorama: &Panorama, size: usize, alphas: &[f64], instructions: InstructionSet) {
+    levels(panorama, size, alphas, instructions, false);
+}
+
+fn levels(panorama: &Panorama, size: usize, alphas: &[f64], instructions: InstructionSet, with_first: bool) {
     let kernels: Vec<Kernel> = alphas.iter().map(|&alpha| Kernel::new(alpha)).collect();
     let zonal = Zonal::new(panorama, &kernels, instructions);
-    for (level, kernel) in kernels.iter().enumerate() {
-        black_box(zonal.function(kernel).cube(size >> (level + 1), &|_| {}));
-    }
+    let level = |level: usize| match level.checked_sub(1) {
+        Some(i) => zonal.function(&kernels[i]).cube(size >> level, &|_| {}),
+        None => area_average(panorama, size),
+    };
+    (usize::from(!with_first)..kernels.len() + 1).into_par_iter().with_max_len(1).map(level).for_each(|cube| {
+        black_box(cube);
+    });
     black_box(zonal.function(&Kernel::new(1.0)).cube(32, &|_| {}));
 }
 

@@ -144,7 +144,7 @@ impl Part {
         // What is known of the last degrees, even or odd, up to some one of the kernels' own.
         let mut known: Vec<(usize, bool, Beyond)> = vec![];
         let mut lambert = vec![];
-        let mut of_plan = |plan: &Plan| {
+        let of_plan = |plan: &Plan| {
             if self.truncation(plan, mean) < LOOK {
                 return vec![];
             }
@@ -180,6 +180,6 @@ impl Part {
             let shows: Vec<bool> = suspects.iter().enumerate().map(shows).collect();
             suspects.into_iter().zip(shows).filter_map(|(suspect, shows)| shows.then_some(suspect)).collect()
         };
-        self.plans.iter().map(|plan| of_plan(plan)).collect()
+        self.plans.iter().map(of_plan).collect()
     }
 }
