@@ -20,7 +20,7 @@ pub(super) fn bin_row(y: f64) -> usize {
 
 /// Of what the coarse map says, the darkest output is reckoned to be this part anywhere, and this part in a bin.
 const ANYWHERE: f64 = 0.3;
-const IN_A_BIN: f64 = 0.6;
+const IN_A_BIN: f64 = 0.75;
 /// Cells do not resolve narrower kernels.
 const NARROWEST: f64 = 0.1;
 

@@ -23,10 +23,10 @@ use crate::environment::peel::Peel;
 
 /// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.06 of the bound on some thousand random maps.
 const LOOK: f64 = 1e-3;
-/// What the last degrees may tell for what is left out to be little: it was at most 0.8 of that on the same maps. And what it may be where it is
+/// What the last degrees may tell for what is left out to be little: it was at most as much as that on the same maps. And what it may be where it is
 /// measured in those directions in which it is likely to be most.
-const GOOD: f64 = 1.2e-4;
-const ENOUGH: f64 = 8e-5;
+const GOOD: f64 = 9e-5;
+const ENOUGH: f64 = 7e-5;
 /// The part of it from which on directions are among those that a certificate looks at.
 const SEEN: f64 = 0.25;
 /// Places in which it is measured.
@@ -119,9 +119,7 @@ impl Zonal<'_> {
             let (side, up) = direction.any_orthonormal_pair();
             [DVec3::ZERO, side, up, -side, -up].map(|offset| (direction + beside * offset).normalize())
         };
-        // (Maps that are alike all round have their largest errors just at the poles.)
-        let poles = [DVec3::Y, DVec3::NEG_Y];
-        let measured: Vec<DVec3> = suspects.into_iter().flat_map(|(_, d)| around(d)).chain(poles).collect();
+        let measured: Vec<DVec3> = suspects.into_iter().flat_map(|(_, direction)| around(direction)).collect();
         let off = measured.par_iter().map(|&direction| self.error(&function, direction)).reduce(|| 0.0, f64::max);
         Weak { kernel, directions, off }
     }
