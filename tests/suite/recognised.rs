@@ -53,7 +53,7 @@ fn masters() {
     static READY: OnceLock<()> = OnceLock::new();
     READY.get_or_init(|| {
         for n_axes in 1..=3 {
-            masters::load(n_axes, false).unwrap();
+            masters::load(n_axes, masters::Shelf::First, false).unwrap();
         }
     });
 }
