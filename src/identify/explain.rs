@@ -280,7 +280,8 @@ fn found(
         _ => MUCH,
     };
     let confidence = if relative > most {
-        Confidence::Unknown
+        // Of few levels, rounding leaves a lot: over the axes of a known channel, what all of it is may be what it is.
+        if is_shared && best.is_exact() { Confidence::Possible } else { Confidence::Unknown }
     } else if times_rounding <= AS_ROUNDED && away >= FAR {
         Confidence::Certain
     } else if (relative <= LITTLE || is_noise) && !rivalled {

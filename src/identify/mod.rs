@@ -45,6 +45,7 @@ use judge::{Judge, Ranked};
 use masters::Shelf;
 use rank::{agree, put_best_first, rank, share_axes};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// How to find out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -160,8 +161,9 @@ pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
             looked.extend(first_look(readings, options, &judge)?);
         }
     }
-    if looked.iter().all(|looked| looked.found.confidence < Confidence::Likely) {
-        looked.iter_mut().try_for_each(|looked| looked.look_again(options, &judge))?;
+    let surest = looked.iter().map(|looked| looked.found.confidence).max();
+    for looked in looked.iter_mut().filter(|looked| Some(looked.found.confidence) == surest) {
+        looked.look_again(options, &judge)?;
     }
     let mut best: Option<Identification> = None;
     for Looked { found, .. } in looked {
@@ -264,7 +266,9 @@ impl Looked<'_> {
         let open: Vec<usize> = (0..ranked.len()).filter(|&i| is_open(i, reading, ranked, found)).collect();
         let data: Vec<Data> = open.iter().map(|&i| reading.channels[i].clone()).collect();
         let Some(n_axes) = data.first().map(|data| data.sizes.len()) else { return Ok(()) };
-        let admitted = simple::admitted(&data, &masters::load(n_axes, Shelf::Second, options.cache)?);
+        let load = |shelf| masters::load(n_axes, shelf, options.cache);
+        let (second, beside) = (load(Shelf::Second)?, load(Shelf::Beside)?);
+        let admitted = simple::admitted(&data, &second);
         let mut more = ranked.clone();
         for (&i, new) in open.iter().zip(rank(&data, admitted, (n_axes, Shelf::Second), options, judge)?) {
             more[i].splice(0..0, new);
@@ -274,9 +278,14 @@ impl Looked<'_> {
         share_axes(&mut more, &reading.channels, &[Shelf::First, Shelf::Second, Shelf::Beside], options, judge);
         let again = reading.explained(&more, judge)?;
         // That a rare family comes nearer than any other is not enough: it has to be near.
-        let is_near = |i: usize| again.channels[reading.varying[i]].confidence >= Confidence::Likely;
-        let is_exact = |i: usize| more[i].first().is_some_and(Ranked::is_exact);
-        let named: Vec<usize> = open.into_iter().filter(|&i| is_near(i) || is_exact(i)).collect();
+        let is_named = |i: usize| {
+            let is_near = again.channels[reading.varying[i]].confidence >= Confidence::Likely;
+            more[i].first().is_some_and(|best| {
+                let is_rare = second.iter().chain(&beside).any(|rare| Arc::ptr_eq(rare, &best.hypothesis.master));
+                is_rare && (is_near || best.is_exact())
+            })
+        };
+        let named: Vec<usize> = open.into_iter().filter(|&i| is_named(i)).collect();
         if named.is_empty() {
             return Ok(());
         }
@@ -294,11 +303,12 @@ fn is_open(i: usize, reading: &Reading, ranked: &[Vec<Ranked>], found: &Identifi
     let confidence = |i: usize| found.channels[reading.varying[i]].confidence;
     let ramps = |i: usize| ranked[i].first().map(|best| &best.hypothesis.ramps);
     let is_exact = ranked[i].first().is_some_and(Ranked::is_exact);
-    let known: Vec<usize> = (0..ranked.len()).filter(|&k| confidence(k) >= Confidence::Likely).collect();
+    let mut known = (0..ranked.len()).filter(|&k| k != i && confidence(k) >= Confidence::Likely).peekable();
+    let is_odd_one = known.peek().is_some() && known.all(|k| ramps(k) != ramps(i));
     match confidence(i) {
         Confidence::Unknown => true,
-        Confidence::Possible => !is_exact || (!known.is_empty() && known.iter().all(|&k| ramps(k) != ramps(i))),
-        _ => false,
+        Confidence::Possible => !is_exact || is_odd_one,
+        _ => is_odd_one,
     }
 }
 

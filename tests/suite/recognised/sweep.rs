@@ -444,18 +444,22 @@ impl Case {
         let n = table.channels.len();
         let mut same = true;
         let mut is_listed = true;
-        for c in 0..n {
-            let Some(claimed) = claim.channels.iter().find(|channel| channel.index == c) else { return Err(wrong()) };
-            let baked =
-                claimed.spec.bake(&self.integration(), &|_| {}).map_err(|e| format!("{}: {e}", wrong()))?.values;
-            let mut same_channel = true;
-            for (texel, v) in baked.iter().enumerate() {
-                let v = claimed.encoding.encode(*v);
-                same_channel &= (v - values[texel * n + c]).abs() <= 1e-9;
-                again[texel * n + c] = v;
+        if (0..n).any(|c| claim.channels.iter().all(|channel| channel.index != c)) {
+            return Err(wrong());
+        }
+        for (spec, channels) in claim.groups() {
+            let baked = spec.bake(&self.integration(), &|_| {}).map_err(|e| format!("{}: {e}", wrong()))?.values;
+            for (k, channel) in channels.iter().enumerate() {
+                let c = channel.index;
+                let mut same_channel = true;
+                for (texel, v) in baked.iter().skip(k).step_by(channels.len()).enumerate() {
+                    let v = channel.encoding.encode(*v);
+                    same_channel &= (v - values[texel * n + c]).abs() <= 1e-9;
+                    again[texel * n + c] = v;
+                }
+                same &= same_channel;
+                is_listed &= same_channel || self.is_listed(&found.channels[c], table.channels[c]);
             }
-            same &= same_channel;
-            is_listed &= same_channel || self.is_listed(&found.channels[c], table.channels[c]);
         }
         if same {
             return Ok(Verdict::Named(found.confidence));
