@@ -247,8 +247,15 @@ fn exponent(n: usize) -> Axis {
 }
 
 fn beside(n_axes: usize) -> Vec<Row> {
+    const NOTHING: &[(Parameter, f64)] = &[];
     match n_axes {
-        2 => vec![("fabric-lambert.albedo", vec![mu(4), linear(Parameter::Roughness, 4)], &[], Model::default())],
+        // Its numbers are the same beside any sheen, of which a table has one.
+        2 => Visibility::ALL
+            .map(|visibility| {
+                let model = Model { visibility, ..Model::default() };
+                ("fabric-lambert.albedo", vec![mu(4), linear(Parameter::Roughness, 4)], NOTHING, model)
+            })
+            .into(),
         _ => vec![],
     }
 }

@@ -306,10 +306,12 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shel
         }
         shared.sort_by(|a, b| a.1.total_cmp(&b.1));
         // Of models that fit alike, the surest channel's.
+        let model = |h: &Hypothesis| h.master.definition.model;
         let best = shared.first().map_or(f64::INFINITY, |s| s.1);
         let own_model = shared
             .iter()
             .position(|(h, cost)| Arc::ptr_eq(&h.master, &anchor.master) && *cost <= SHARED_IS_AS_GOOD * best)
+            .or_else(|| shared.iter().position(|(h, cost)| *cost == best && model(h) == model(&anchor)))
             .unwrap_or(0);
         if shared.is_empty() {
             continue;

@@ -247,8 +247,8 @@ impl Written {
             (texture, report, Described::default())
         } else if container.has_volumes() {
             let (texture, report) = Texture::volume(format, size, &wide).unwrap();
-            // Source text has halves in one list.
-            let told = shape.filter(|_| container.is_source() && format.number() == Some(Number::F16));
+            // Shaders have no arrays of arrays.
+            let told = shape.filter(|_| matches!(container, Container::Glsl | Container::Hlsl | Container::Wgsl));
             (texture, report, Described { shape: told, ..Described::default() })
         } else {
             // Slices below each other.
