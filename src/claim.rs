@@ -202,10 +202,12 @@ impl Claim {
             };
             let handle = quantity::find_among(name, given)?;
             let spec = TableSpec { channels: vec![handle], axes: axes.clone(), at, model: said.model };
-            spec.check()?;
             let index = if by_name { grid.channels.iter().position(|c| c.name == *name).unwrap_or(i) } else { i };
             channels.push(ClaimedChannel { index, spec, encoding: Encoding::PLAIN });
         }
+        // All together: each axis is for one of them at least.
+        let handles = channels.iter().map(|channel| channel.spec.channels[0]).collect();
+        TableSpec { channels: handles, axes, at, model: said.model }.check()?;
         Ok(Self { channels })
     }
 

@@ -102,7 +102,7 @@ pub(super) fn explain(
     grid: &Grid,
     varying: &[usize],
     data: &[Data],
-    ranked: Vec<Vec<Ranked>>,
+    ranked: &[Vec<Ranked>],
     judge: &Judge,
 ) -> Result<Identification> {
     let mut channels = vec![];
@@ -110,7 +110,7 @@ pub(super) fn explain(
     let mut surest: Option<(f64, Hypothesis)> = None;
     // The best explanation of a channel that is certain by itself, or else likely: the other channels are of the same table.
     let mut surest_alone: Option<(Confidence, f64, &Ranked)> = None;
-    for (&c, (data, ranked)) in varying.iter().zip(data.iter().zip(&ranked)) {
+    for (&c, (data, ranked)) in varying.iter().zip(data.iter().zip(ranked)) {
         let confidence = found(grid, c, data, ranked, None, judge)?.confidence;
         if confidence >= Confidence::Likely {
             let left = ranked[0].trimmed / data.spread;
@@ -280,7 +280,8 @@ fn found(
         _ => MUCH,
     };
     let confidence = if relative > most {
-        Confidence::Unknown
+        // Of few levels, rounding leaves a lot: over the axes of a known channel, what all of it is may be what it is.
+        if is_shared && best.is_exact() { Confidence::Possible } else { Confidence::Unknown }
     } else if times_rounding <= AS_ROUNDED && away >= FAR {
         Confidence::Certain
     } else if (relative <= LITTLE || is_noise) && !rivalled {

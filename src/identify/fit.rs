@@ -74,13 +74,17 @@ pub fn resettle(hypothesis: &Hypothesis, data: &Data, choice: &Choice) -> (Hypot
     (settled, cost * price)
 }
 
-/// The same with the encoding that it has.
-pub fn as_it_is(hypothesis: Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
+/// The same with the encoding that it has; nothing where more than `few` texels are rounded wrongly.
+pub fn as_it_is(hypothesis: Hypothesis, few: usize, data: &Data, choice: &Choice) -> Option<(Hypothesis, f64)> {
+    let predicted = hypothesis.predict(choice);
+    if hypothesis.misrounded(&predicted, data, choice) > few {
+        return None;
+    }
     let curve = hypothesis.encoding.curve;
     let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
-    let residual = left(&values, &hypothesis.predict(choice), hypothesis.encoding);
+    let residual = left(&values, &predicted, hypothesis.encoding);
     let cost = (residual + MASTER_ERROR + data.rounding) * price(hypothesis.encoding) * price_of_ranges(&hypothesis);
-    (Hypothesis { residual, ..hypothesis }, cost)
+    Some((Hypothesis { residual, ..hypothesis }, cost))
 }
 
 fn moved(hypothesis: &Hypothesis, by: &[f64]) -> Hypothesis {
@@ -296,8 +300,10 @@ pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f
         })
         .collect();
     // Where rounding is coarse, the middle of what it leaves hardly tells places apart; texels that it cannot have left do.
-    let exact: Vec<bool> =
-        tried.iter().map(|t| t.1.tells_rounding(data) && t.1.misrounded(data, choice) == 0).collect();
+    let exact: Vec<bool> = tried
+        .iter()
+        .map(|t| t.1.tells_rounding(data) && t.1.misrounded(&t.1.predict(choice), data, choice) == 0)
+        .collect();
     if exact.contains(&true) {
         let mut exact = exact.into_iter();
         tried.retain(|_| exact.next() == Some(true));

@@ -138,14 +138,13 @@ impl Hypothesis {
         data.rounding >= self.slack()
     }
 
-    /// Texels of a choice that have another number than correct rounding would give, as far as the master tells.
-    pub fn misrounded(&self, data: &Data, choice: &Choice) -> usize {
+    /// Texels of a choice that have another number than correct rounding of what is predicted of them, as far as the master tells.
+    pub fn misrounded(&self, predicted: &[f64], data: &Data, choice: &Choice) -> usize {
         let slack = self.slack();
-        let pairs = || indices(&data.sizes, choice).into_iter().zip(self.predict(choice));
         // NaN counts for nothing.
         let is_wrong =
-            |(i, p): &(usize, f64)| (self.encoding.encode(*p) - data.values[*i]).abs() > 0.5 * data.steps[*i] + slack;
-        pairs().filter(is_wrong).count()
+            |(i, p): &(usize, &f64)| (self.encoding.encode(**p) - data.values[*i]).abs() > 0.5 * data.steps[*i] + slack;
+        indices(&data.sizes, choice).into_iter().zip(predicted).filter(is_wrong).count()
     }
 
     /// Whether it says all with words that people have for tables, and has no fitted number.

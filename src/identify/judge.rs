@@ -21,12 +21,8 @@ const JUDGED_TO: f64 = 1e-6;
 /// Whether values take longest, of the family of a master.
 fn is_dear(definition: &Definition) -> bool {
     match definition.handle.quantity.name {
-        "dielectric.albedo"
-        | "dielectric.albedo_avg"
-        | "compensation.none"
-        | "layered.albedo"
-        | "ltc.m00"
-        | "ltc-m22.m00" => true,
+        "dielectric.albedo" | "dielectric.albedo_avg" | "compensation.none" | "layered.albedo" => true,
+        fit if fit.starts_with("ltc") => true,
         "charlie.albedo_avg" => definition.model.visibility == Visibility::Charlie,
         _ => false,
     }

@@ -45,8 +45,12 @@ impl Definition {
             (2, "dielectric.albedo_avg") | (3, "compensation.none") => 5e-3,
             (3, "dielectric.albedo") => 2e-2,
             (3, "layered.albedo") => 2e-3,
+            (2, "ltc-lobe.m00" | "ltc-charlie.m00") => 1e-3,
+            (3, "ggx.power_weight" | "ggx.dielectric_weight") => 1e-3,
+            (3, "schlick-dielectric.scale") if self.nodes[0].parameter == Parameter::Critical => 5e-3,
+            (3, "schlick-dielectric.scale") => 1e-3,
             // Entries grow as the lobe narrows.
-            (2, "ltc-m22.m00") => 5e-2,
+            (2, "ltc-m22.m00" | "ltc-m00.m22") => 5e-2,
             // Total reflection begins with a kink.
             (2, "fresnel.dielectric") if self.nodes[1].ends().1 <= 1.0 => 1e-2,
             _ => 2e-4,
@@ -86,18 +90,70 @@ fn axis(parameter: Parameter, size: usize, warp: Warp, range: Option<(f64, f64)>
     Axis { size, warp, range, sampling: crate::table::Sampling::Edge, ..Axis::new(parameter, size) }
 }
 
-/// Every master for tables over `n_axes` axes.
-pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
+/// When masters are asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shelf {
+    /// Of every table.
+    First,
+    /// Of what those do not explain: families that few tables are of.
+    Second,
+    /// Of the same, but only over the axes of a channel that is known: they are so plain that any slope looks like one.
+    Beside,
+}
+
+/// A quantity, its nodes, the values of parameters that no node varies, and the choices within the model.
+type Row = (&'static str, Vec<Axis>, &'static [(Parameter, f64)], Model);
+
+fn mu(n: usize) -> Axis {
+    axis(Parameter::Mu, n, Warp::Log { offset: 0.004 }, None)
+}
+
+/// Where things are smooth in the angle; towards grazing they bend at the width of the lobe.
+fn angle(n: usize) -> Axis {
+    axis(Parameter::Mu, n, Warp::Acos, None)
+}
+
+fn roughness(n: usize) -> Axis {
+    axis(Parameter::Roughness, n, Warp::Log { offset: 0.08 }, None)
+}
+
+fn linear(parameter: Parameter, n: usize) -> Axis {
+    axis(parameter, n, Warp::Linear, None)
+}
+
+/// Indices of what is entered from outside, and from inside.
+fn outside(n: usize) -> Axis {
+    axis(Parameter::Eta, n, Warp::F0FourthRoot, None)
+}
+
+fn inside(n: usize) -> Axis {
+    axis(Parameter::Eta, n, Warp::F0FourthRoot, Some((0.0, 1.0)))
+}
+
+/// Every master of a shelf for tables over `n_axes` axes.
+pub fn definitions(n_axes: usize, shelf: Shelf) -> Result<Vec<Definition>> {
+    let rows = match shelf {
+        Shelf::First => first(n_axes),
+        Shelf::Second => second(n_axes),
+        Shelf::Beside => beside(n_axes),
+    };
+    rows.into_iter()
+        .map(|(name, nodes, values, model)| {
+            let given = |p: Parameter| {
+                nodes.iter().any(|a| a.parameter.canonical() == p.canonical()) || values.iter().any(|(q, _)| *q == p)
+            };
+            let handle = quantity::find_among(name, given)?;
+            let at = values.iter().try_fold(Point::default(), |at, &(p, v)| at.with(p, v))?;
+            Ok(Definition { handle, nodes, at, model })
+        })
+        .collect()
+}
+
+fn first(n_axes: usize) -> Vec<Row> {
     use Parameter as P;
-    let mu = |n| axis(P::Mu, n, Warp::Log { offset: 0.004 }, None);
-    let roughness = |n| axis(P::Roughness, n, Warp::Log { offset: 0.08 }, None);
-    let linear = |p, n| axis(p, n, Warp::Linear, None);
-    let outside = |n| axis(P::Eta, n, Warp::F0FourthRoot, None);
-    let inside = |n| axis(P::Eta, n, Warp::F0FourthRoot, Some((0.0, 1.0)));
     let plain = Model::default();
     let smith = |smith| Model { smith, ..plain };
     let visibility = |visibility| Model { visibility, ..plain };
-    type Row = (&'static str, Vec<Axis>, &'static [(Parameter, f64)], Model);
     let mut list: Vec<Row> = vec![];
     match n_axes {
         1 => {
@@ -128,17 +184,14 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
                 list.push((name, vec![mu(49), linear(P::Roughness, 17)], &[], plain));
             }
             // These have the sine in them: where it is 0, smooth in the angle only.
-            let angle = axis(P::Mu, 49, Warp::Acos, None);
-            list.push(("fujii.albedo", vec![angle, linear(P::Roughness, 17)], &[], plain));
-            list.push(("oren-nayar.albedo", vec![angle, linear(P::Sigma, 33)], &[], plain));
+            list.push(("fujii.albedo", vec![angle(49), linear(P::Roughness, 17)], &[], plain));
+            list.push(("oren-nayar.albedo", vec![angle(49), linear(P::Sigma, 33)], &[], plain));
             list.push(("conductor.albedo", vec![mu(41), roughness(25)], &[(P::N, 0.42), (P::K, 2.35)], plain));
             list.push(("fresnel.schlick", vec![mu(65), linear(P::F0, 5)], &[], plain));
             list.push(("fresnel.dielectric", vec![mu(97), outside(65)], &[], plain));
             list.push(("fresnel.dielectric", vec![mu(97), inside(65)], &[], plain));
             let (n, k) = (axis(P::N, 49, Warp::Sqrt, Some((0.01, 8.0))), axis(P::K, 49, Warp::Sqrt, Some((0.0, 16.0))));
             list.push(("fresnel.conductor_avg", vec![n, k], &[], plain));
-            // Fits are smooth in the angle; towards grazing they bend at the width of the lobe.
-            let angle = |n| axis(P::Mu, n, Warp::Acos, None);
             list.push(("ltc.m00", vec![angle(37), roughness(27)], &[], plain));
             list.push(("ltc-m22.m00", vec![angle(37), roughness(27)], &[], plain));
             let spheres = [(P::CosCentre, 129), (P::Sin2Radius, 65)].map(|(p, n)| linear(p, n));
@@ -164,26 +217,57 @@ pub fn definitions(n_axes: usize) -> Result<Vec<Definition>> {
             list.push(("ggx.albedo", vec![mu(17), wide(P::AlphaX), wide(P::AlphaY)], between, plain));
         }
     }
-    list.into_iter()
-        .map(|(name, nodes, values, model)| {
-            let given = |p: P| {
-                nodes.iter().any(|a| a.parameter.canonical() == p.canonical()) || values.iter().any(|(q, _)| *q == p)
-            };
-            let handle = quantity::find_among(name, given)?;
-            let at = values.iter().try_fold(Point::default(), |at, &(p, v)| at.with(p, v))?;
-            Ok(Definition { handle, nodes, at, model })
-        })
-        .collect()
+    list
+}
+
+fn second(n_axes: usize) -> Vec<Row> {
+    use Parameter as P;
+    let plain = Model::default();
+    match n_axes {
+        2 => vec![
+            ("ltc-lobe.m00", vec![angle(37), roughness(27)], &[], plain),
+            ("ltc-m00.m22", vec![angle(37), roughness(27)], &[], plain),
+            ("ltc-burley.m00", vec![angle(25), linear(P::Roughness, 13)], &[], plain),
+            ("ltc-charlie.m00", vec![angle(33), roughness(21)], &[], plain),
+        ],
+        3 => vec![
+            ("ggx.power_weight", vec![mu(33), roughness(17), exponent(17)], &[], plain),
+            ("ggx.dielectric_weight", vec![mu(33), roughness(17), outside(17)], &[], plain),
+            ("schlick-dielectric.scale", vec![mu(33), roughness(17), outside(17)], &[], plain),
+            // A node in the middle, where total reflection begins.
+            ("schlick-dielectric.scale", vec![linear(P::Critical, 33), roughness(17), inside(13)], &[], plain),
+        ],
+        _ => vec![],
+    }
+}
+
+/// Powers from 0 to infinity: as many below 5 as above.
+fn exponent(n: usize) -> Axis {
+    axis(Parameter::Exponent, n, Warp::Reciprocal { half: 5.0 }, None)
+}
+
+fn beside(n_axes: usize) -> Vec<Row> {
+    const NOTHING: &[(Parameter, f64)] = &[];
+    match n_axes {
+        // Its numbers are the same beside any sheen, of which a table has one.
+        2 => Visibility::ALL
+            .map(|visibility| {
+                let model = Model { visibility, ..Model::default() };
+                ("fabric-lambert.albedo", vec![mu(4), linear(Parameter::Roughness, 4)], NOTHING, model)
+            })
+            .into(),
+        _ => vec![],
+    }
 }
 
 /// Masters that this process has already, by their keys.
 static LOADED: Mutex<Vec<(String, Arc<Master>)>> = Mutex::new(vec![]);
 
-/// The masters for tables over `n_axes` axes: from memory, from the cache, or integrated now and kept.
+/// The masters of a shelf for tables over `n_axes` axes: from memory, from the cache, or integrated now and kept.
 ///
 /// **Errors**: those of the integrator. A cache that cannot be read or written is no error: it only saves time.
-pub fn load(n_axes: usize, use_cache: bool) -> Result<Vec<Arc<Master>>> {
-    definitions(n_axes)?
+pub fn load(n_axes: usize, shelf: Shelf, use_cache: bool) -> Result<Vec<Arc<Master>>> {
+    definitions(n_axes, shelf)?
         .into_iter()
         .map(|definition| {
             let key = definition.key();
@@ -219,8 +303,8 @@ pub(super) fn integrate(definition: &Definition) -> Result<Vec<f64>> {
     let settings = if family.has_quadrature() {
         let tolerance = match (definition.nodes.len(), definition.handle.quantity.name) {
             (_, "dielectric.albedo_avg" | "compensation.none") => TOLERANCE_OF_AVERAGES,
-            (_, "ltc.m00") => TOLERANCE_OF_FITS,
-            (_, "ltc-m22.m00") => TOLERANCE_OF_LARGE_FITS,
+            (_, "ltc.m00" | "ltc-lobe.m00" | "ltc-burley.m00") => TOLERANCE_OF_FITS,
+            (_, "ltc-m22.m00" | "ltc-m00.m22" | "ltc-charlie.m00") => TOLERANCE_OF_LARGE_FITS,
             (1, _) => TOLERANCE_OF_CURVES,
             _ => TOLERANCE,
         };

@@ -11,6 +11,9 @@
 //! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible*
 //! when a tenth is left, whatever else may be. Otherwise it is unknown.
 //!
+//! Families that few tables are of are asked only of what the others do not explain, and named only where they come as near as rounding, or
+//! are likely: so they neither cost nor confuse where they are not met.
+//!
 //! Tables that were sampled are noisy: where what is left has no pattern, all texels together tell explanations apart that leave about as
 //! much ([`Noise`]). One is *likely*, too, when any other is five standard deviations away, and the table three times as near to the best.
 
@@ -38,9 +41,11 @@ use crate::format::grid::PACKINGS;
 use crate::pack::TexelFormat;
 use crate::table::TableSpec;
 use hypothesis::{Data, Hypothesis};
-use judge::Judge;
-use rank::{rank, share_axes};
+use judge::{Judge, Ranked};
+use masters::Shelf;
+use rank::{agree, put_best_first, rank, share_axes};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// How to find out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -149,21 +154,26 @@ pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
     let smooth = CLEARLY_ROUGHER * readings[0].roughness;
     let rough = readings.split_off(readings.partition_point(|reading| reading.roughness <= smooth));
     let judge = Judge::new()?;
-    let mut best: Option<Identification> = None;
+    let mut looked: Vec<Looked> = vec![];
     for readings in [readings, rough] {
         // Where the factor of four bytes steps, so do the bytes: read as what they are, tables are smooth.
-        if best.as_ref().is_some_and(|best| best.confidence >= Confidence::Likely) {
-            break;
+        if looked.iter().all(|looked| looked.found.confidence < Confidence::Likely) {
+            looked.extend(first_look(readings, options, &judge)?);
         }
-        for found in identified(&readings, options, &judge)? {
-            // Of readings that explain nothing, the file as it is.
-            let rank = |i: &Identification| match i.confidence {
-                Confidence::Unknown => (i.confidence, if i.packing.is_none() { 1.0 } else { 0.0 }),
-                sure => (sure, -i.times_rounding()),
-            };
-            if best.as_ref().is_none_or(|best| rank(&found) > rank(best)) {
-                best = Some(found);
-            }
+    }
+    let surest = looked.iter().map(|looked| looked.found.confidence).max();
+    for looked in looked.iter_mut().filter(|looked| Some(looked.found.confidence) == surest) {
+        looked.look_again(options, &judge)?;
+    }
+    let mut best: Option<Identification> = None;
+    for Looked { found, .. } in looked {
+        // Of readings that explain nothing, the file as it is.
+        let rank = |i: &Identification| match i.confidence {
+            Confidence::Unknown => (i.confidence, if i.packing.is_none() { 1.0 } else { 0.0 }),
+            sure => (sure, -i.times_rounding()),
+        };
+        if best.as_ref().is_none_or(|best| rank(&found) > rank(best)) {
+            best = Some(found);
         }
     }
     best.ok_or_else(|| Error::invalid("a table of nothing", "give one with texels"))
@@ -185,6 +195,12 @@ impl<'a> Reading<'a> {
         let data = (0..grid.channels.len()).filter_map(|c| Some((c, channel_data(grid, c, &sizes)?)));
         let (varying, channels) = data.unzip();
         Self { packing, grid, roughness: grid.roughness(), varying, channels }
+    }
+
+    /// What the varying channels hold, of which these are the best explanations.
+    fn explained(&self, ranked: &[Vec<Ranked>], judge: &Judge) -> Result<Identification> {
+        let found = explain::explain(self.grid, &self.varying, &self.channels, ranked, judge)?;
+        Ok(Identification { packing: self.packing, ..found })
     }
 }
 
@@ -217,22 +233,83 @@ fn check(grid: &Grid) -> Result<()> {
     Ok(())
 }
 
-/// What each of some readings of one file is found to hold.
-fn identified(readings: &[Reading], options: &Options, judge: &Judge) -> Result<Vec<Identification>> {
+/// What a reading is found to hold, and what else its varying channels may.
+struct Looked<'a> {
+    reading: Reading<'a>,
+    ranked: Vec<Vec<Ranked>>,
+    found: Identification,
+}
+
+/// What each of some readings of one file is found to hold, by the masters that every table is compared with.
+fn first_look<'a>(readings: Vec<Reading<'a>>, options: &Options, judge: &Judge) -> Result<Vec<Looked<'a>>> {
     let all: Vec<Data> = readings.iter().flat_map(|reading| reading.channels.clone()).collect();
     let n_axes = all.first().map_or(0, |data| data.sizes.len());
     let mut admitted = match n_axes {
         0 => vec![],
-        n => simple::admitted(&all, &masters::load(n, options.cache)?),
+        n => simple::admitted(&all, &masters::load(n, Shelf::First, options.cache)?),
     };
-    let mut found = vec![];
-    for Reading { packing, grid, varying, channels, .. } in readings {
-        let rest = admitted.split_off(channels.len().min(admitted.len()));
-        let mut ranked = rank(channels, std::mem::replace(&mut admitted, rest), n_axes, options, judge)?;
-        share_axes(&mut ranked, channels, options, judge);
-        found.push(Identification { packing: *packing, ..explain::explain(grid, varying, channels, ranked, judge)? });
+    let looked = |reading: Reading<'a>| {
+        let rest = admitted.split_off(reading.channels.len().min(admitted.len()));
+        let own = std::mem::replace(&mut admitted, rest);
+        let mut ranked = rank(&reading.channels, own, (n_axes, Shelf::First), options, judge)?;
+        share_axes(&mut ranked, &reading.channels, &[Shelf::First], options, judge);
+        let found = reading.explained(&ranked, judge)?;
+        Ok(Looked { reading, ranked, found })
+    };
+    readings.into_iter().map(looked).collect()
+}
+
+impl Looked<'_> {
+    /// Asks the other masters, too, of channels that are not explained.
+    fn look_again(&mut self, options: &Options, judge: &Judge) -> Result<()> {
+        let Self { reading, ranked, found } = self;
+        let open: Vec<usize> = (0..ranked.len()).filter(|&i| is_open(i, reading, ranked, found)).collect();
+        let data: Vec<Data> = open.iter().map(|&i| reading.channels[i].clone()).collect();
+        let Some(n_axes) = data.first().map(|data| data.sizes.len()) else { return Ok(()) };
+        let load = |shelf| masters::load(n_axes, shelf, options.cache);
+        let (second, beside) = (load(Shelf::Second)?, load(Shelf::Beside)?);
+        let admitted = simple::admitted(&data, &second);
+        let mut more = ranked.clone();
+        for (&i, new) in open.iter().zip(rank(&data, admitted, (n_axes, Shelf::Second), options, judge)?) {
+            more[i].splice(0..0, new);
+            put_best_first(&mut more[i], &reading.channels[i]);
+        }
+        agree(&mut more);
+        share_axes(&mut more, &reading.channels, &[Shelf::First, Shelf::Second, Shelf::Beside], options, judge);
+        let again = reading.explained(&more, judge)?;
+        // That a rare family comes nearer than any other is not enough: it has to be near.
+        let is_named = |i: usize| {
+            let is_near = again.channels[reading.varying[i]].confidence >= Confidence::Likely;
+            more[i].first().is_some_and(|best| {
+                let is_rare = second.iter().chain(&beside).any(|rare| Arc::ptr_eq(rare, &best.hypothesis.master));
+                is_rare && (is_near || best.is_exact())
+            })
+        };
+        let named: Vec<usize> = open.into_iter().filter(|&i| is_named(i)).collect();
+        if named.is_empty() {
+            return Ok(());
+        }
+        for i in named {
+            ranked[i] = std::mem::take(&mut more[i]);
+        }
+        *found = reading.explained(ranked, judge)?;
+        Ok(())
     }
-    Ok(found)
+}
+
+/// Whether nothing explains a varying channel well: nothing at all, or only what leaves texels that are no rounding of it, or is over other
+/// axes than those of its neighbours that are known.
+fn is_open(i: usize, reading: &Reading, ranked: &[Vec<Ranked>], found: &Identification) -> bool {
+    let confidence = |i: usize| found.channels[reading.varying[i]].confidence;
+    let ramps = |i: usize| ranked[i].first().map(|best| &best.hypothesis.ramps);
+    let is_exact = ranked[i].first().is_some_and(Ranked::is_exact);
+    let mut known = (0..ranked.len()).filter(|&k| k != i && confidence(k) >= Confidence::Likely).peekable();
+    let is_odd_one = known.peek().is_some() && known.all(|k| ramps(k) != ramps(i));
+    match confidence(i) {
+        Confidence::Unknown => true,
+        Confidence::Possible => !is_exact || is_odd_one,
+        _ => is_odd_one,
+    }
 }
 
 /// The channel's numbers; `None` for a constant.

@@ -230,6 +230,10 @@ pub fn ramps(nodes: &Axis, size: usize) -> Vec<Ramp> {
             [roots.to_vec(), over(P::Eta, (1.0, 3.0), &[log(0.0)])].concat()
         }
         P::Eta => [vec![(P::Eta, Warp::F0FourthRoot, any)], over(P::Eta, unit, &falling)].concat(),
+        P::Exponent => {
+            let reciprocal = (P::Exponent, Warp::Reciprocal { half: 5.0 }, any);
+            [vec![reciprocal], over(P::Exponent, (0.0, 10.0), &[log(0.05)])].concat()
+        }
         P::N => over(P::N, (0.1, 4.0), &[log(0.0)]),
         P::K => over(P::K, (0.0, 8.0), &[log(0.05)]),
         P::AlphaX | P::AlphaY => over(nodes.parameter, unit, &[&falling[..], &[log(0.05)]].concat()),

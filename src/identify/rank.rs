@@ -3,9 +3,9 @@
 use super::fit;
 use super::hypothesis::{Data, Hypothesis};
 use super::judge::{Judge, Ranked};
+use super::masters::{self, Shelf};
 use super::search::{self, Arrangement};
-use super::simple;
-use super::{Options, masters};
+use super::{Options, simple};
 use crate::claim::Curve;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -22,11 +22,33 @@ const NEARLY_GOOD: f64 = 0.1;
 /// Residuals of the same, above which a channel is no table: any two smooth tables have more in common.
 const HOPELESS: f64 = 0.5;
 
-/// The best hypotheses of each channel, fitted and judged, the best first; `admitted` is what [`simple::admitted`] finds of them.
+/// A part of the search: axes of the masters that are asked, curves that values may be stored through, and how much of an axis is covered.
+type Round = (usize, &'static [Curve], Arrangement);
+
+/// What is tried, one after the other. Cropped tables, curves, and tables with a parameter fixed are looked into only where nothing simpler
+/// explains the channel.
+fn rounds(n_axes: usize, shelf: Shelf) -> Vec<Round> {
+    const PLAIN: &[Curve] = &[Curve::Plain];
+    const CURVED: &[Curve] = &[Curve::Ratio, Curve::Srgb, Curve::Gamma, Curve::Root];
+    let whole = (n_axes, PLAIN, Arrangement::Whole);
+    let curved = (n_axes, CURVED, Arrangement::Whole);
+    match shelf {
+        Shelf::First => {
+            vec![whole, (n_axes, PLAIN, Arrangement::Cropped), curved, (n_axes + 1, PLAIN, Arrangement::Whole)]
+        }
+        // Whatever else could be made of families that few tables are of would explain tables that are none of them.
+        Shelf::Second if n_axes == 3 => vec![(n_axes, PLAIN, Arrangement::WholeWithEnds), curved],
+        Shelf::Second => vec![whole, curved],
+        Shelf::Beside => vec![],
+    }
+}
+
+/// The best hypotheses of each channel, by the masters of one shelf, fitted and judged, the best first; `admitted` is what
+/// [`simple::admitted`] finds of them.
 pub fn rank(
     channels: &[Data],
     admitted: Vec<[Vec<Hypothesis>; 2]>,
-    n_axes: usize,
+    (n_axes, shelf): (usize, Shelf),
     options: &Options,
     judge: &Judge,
 ) -> Result<Vec<Vec<Ranked>>> {
@@ -39,14 +61,7 @@ pub fn rank(
         .zip(channels)
         .map(|(admitted, data)| exactly_and_simply(admitted, data, judge))
         .collect::<Result<_>>()?;
-    // Cropped tables, curves, and tables with a parameter fixed are looked into only where nothing simpler explains the channel.
-    let rounds: [(usize, &[Curve], Arrangement); 4] = [
-        (n_axes, &[Curve::Plain], Arrangement::Whole),
-        (n_axes, &[Curve::Plain], Arrangement::Cropped),
-        (n_axes, &[Curve::Ratio, Curve::Srgb, Curve::Gamma, Curve::Root], Arrangement::Whole),
-        (n_axes + 1, &[Curve::Plain], Arrangement::Whole),
-    ];
-    for (master_axes, curves, arrangement) in rounds {
+    for (master_axes, curves, arrangement) in rounds(n_axes, shelf) {
         // Of volumes, the ways to crop them are too many to be tried.
         let too_many = n_axes == 3 && arrangement == Arrangement::Cropped;
         if master_axes > 3 || (n_axes == 1 && master_axes == 2) || too_many {
@@ -62,7 +77,7 @@ pub fn rank(
         if open.is_empty() {
             break;
         }
-        let masters = masters::load(master_axes, options.cache)?;
+        let masters = masters::load(master_axes, shelf, options.cache)?;
         let data: Vec<Data> = open.iter().map(|&c| channels[c].clone()).collect();
         let found = search::search(&data, &masters, curves, arrangement, FITTED);
         for ((c, data), mut hypotheses) in open.into_iter().zip(&data).zip(found) {
@@ -133,11 +148,6 @@ pub fn rank(
                 }
             }
             put_best_first(&mut ranked, data);
-            // Of what comes to the same numbers, that whose axes are in the usual order.
-            let same = |r: &Ranked| r.hypothesis.is_in_order() && r.same_numbers(&ranked[0]);
-            if let Some(i) = ranked.iter().position(same) {
-                ranked[..=i].rotate_right(1);
-            }
             Ok(ranked)
         })
         .collect::<Result<_>>()?;
@@ -168,7 +178,7 @@ fn exact_among(found: Vec<(Hypothesis, f64)>, data: &Data, judge: &Judge) -> Res
 
 /// Channels of one table mostly share their axes and their model: of what is exact, that comes first which is over the axes that most
 /// channels are explained over exactly, and with the model of most of these.
-fn agree(ranked: &mut [Vec<Ranked>]) {
+pub fn agree(ranked: &mut [Vec<Ranked>]) {
     if ranked.len() < 2 {
         return;
     }
@@ -218,8 +228,8 @@ fn is_open(fitted: &[(Hypothesis, f64)], data: &Data, judge: &Judge) -> Result<b
     Ok(judge.judged(hypothesis, cost, data)?.trimmed > GOOD * data.spread)
 }
 
-/// Brings to the front what quadrature says is best.
-fn put_best_first(ranked: &mut [Ranked], data: &Data) {
+/// Brings to the front what quadrature says is best; of what comes to the same numbers, that whose axes are in the usual order.
+pub fn put_best_first(ranked: &mut [Ranked], data: &Data) {
     // What every texel is the correct rounding of is right if anything is: of several such, what took the least to say it.
     let simplest = |a: &&usize, b: &&usize| {
         let key = |i: usize| (ranked[i].hypothesis.complexity(), ranked[i].exact_cost(data));
@@ -231,6 +241,10 @@ fn put_best_first(ranked: &mut [Ranked], data: &Data) {
     let least = ranked.iter().map(|r| r.exact_cost(data)).fold(f64::INFINITY, f64::min);
     let cheap = ranked.iter().position(|r| r.exact_cost(data) <= fit::SIMPLE_IS_AS_GOOD * least);
     if let Some(i) = exact.iter().min_by(simplest).copied().or(cheap) {
+        ranked[..=i].rotate_right(1);
+    }
+    let same = |r: &Ranked| r.hypothesis.is_in_order() && r.same_numbers(&ranked[0]);
+    if let Some(i) = ranked.iter().position(same) {
         ranked[..=i].rotate_right(1);
     }
 }
@@ -258,8 +272,8 @@ const SHARED_IS_AS_GOOD: f64 = 1.5;
 const NOT_WORTH_A_LOOK: f64 = 10.0;
 
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
-/// about as well.
-pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Options, judge: &Judge) {
+/// about as well. `shelves`: whose quantities they may be.
+pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shelf], options: &Options, judge: &Judge) {
     let relative = |c: usize, r: &Ranked| (r.trimmed + channels[c].rounding) / channels[c].spread;
     let surest = (0..ranked.len())
         .filter_map(|c| Some((c, relative(c, ranked[c].first()?))))
@@ -273,9 +287,10 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Optio
         }
         let data = &channels[c];
         let choice = fit::fine(&data.sizes);
-        let Ok(masters) = masters::load(anchor.master.definition.nodes.len(), options.cache) else { continue };
+        let of_shelf = |&shelf: &Shelf| masters::load(anchor.master.definition.nodes.len(), shelf, options.cache);
+        let Ok(masters) = shelves.iter().map(of_shelf).collect::<Result<Vec<_>>>() else { continue };
         let mut shared: Vec<(Hypothesis, f64)> = vec![];
-        for master in masters {
+        for master in masters.concat() {
             // Only masters over the same parameters can share axes.
             let parameters = |m: &masters::Master| m.definition.nodes.iter().map(|a| a.parameter).collect::<Vec<_>>();
             if parameters(&master) != parameters(&anchor.master) || n_axes != anchor.varies.len() {
@@ -291,10 +306,12 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], options: &Optio
         }
         shared.sort_by(|a, b| a.1.total_cmp(&b.1));
         // Of models that fit alike, the surest channel's.
+        let model = |h: &Hypothesis| h.master.definition.model;
         let best = shared.first().map_or(f64::INFINITY, |s| s.1);
         let own_model = shared
             .iter()
             .position(|(h, cost)| Arc::ptr_eq(&h.master, &anchor.master) && *cost <= SHARED_IS_AS_GOOD * best)
+            .or_else(|| shared.iter().position(|(h, cost)| *cost == best && model(h) == model(&anchor)))
             .unwrap_or(0);
         if shared.is_empty() {
             continue;

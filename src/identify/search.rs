@@ -42,6 +42,8 @@ const FREE: [f64; 5] = [0.15, 0.35, 0.55, 0.75, 0.95];
 pub enum Arrangement {
     /// The whole range, in every warp.
     Whole,
+    /// The same, with the ends where nobody knows the range: what is beside them there is far from them.
+    WholeWithEnds,
     /// Parts of the range without a warp: whoever cuts a table mostly cuts a plain one.
     Cropped,
 }
@@ -59,7 +61,8 @@ fn variants(nodes: &Axis, size: usize, both: bool, arrangement: Arrangement) -> 
             .flat_map(|ramp| [false, true].map(|flip| Ramp { flip, ..ramp }))
             .collect();
     }
-    let places: &[Place] = if both { &[Place::Centre(0.0), Place::Edge(0.0)] } else { &[Place::Centre(0.0)] };
+    let with_ends = both || (arrangement == Arrangement::WholeWithEnds && nodes.parameter.range().is_none());
+    let places: &[Place] = if with_ends { &[Place::Centre(0.0), Place::Edge(0.0)] } else { &[Place::Centre(0.0)] };
     ramps(nodes, size)
         .into_iter()
         .flat_map(|ramp| [false, true].map(|flip| Ramp { flip, ..ramp }))

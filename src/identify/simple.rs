@@ -104,10 +104,7 @@ pub fn admitted(channels: &[Data], masters: &[Arc<Master>]) -> Vec<[Vec<Hypothes
 pub fn simple(admitted: Vec<Hypothesis>, data: &Data) -> Vec<(Hypothesis, f64)> {
     let fine = fit::fine(&data.sizes);
     let few = may_miss(&fine);
-    let judged = admitted.into_par_iter().filter_map(|hypothesis| {
-        let (hypothesis, cost) = fit::as_it_is(hypothesis, data, &fine);
-        (hypothesis.misrounded(data, &fine) <= few).then_some((hypothesis, cost))
-    });
+    let judged = admitted.into_par_iter().filter_map(|hypothesis| fit::as_it_is(hypothesis, few, data, &fine));
     let mut found: Vec<(Hypothesis, f64)> = judged.collect();
     let least = found.iter().map(|(h, _)| h.residual).fold(f64::INFINITY, f64::min);
     found.retain(|(h, _)| h.residual <= NEARLY * (least + data.rounding));
@@ -269,9 +266,8 @@ pub fn beside(found: &Hypothesis, data: &Data, choice: &Choice) -> Vec<(Hypothes
         for ramp in simple_ramps(&nodes[p], data.sizes[dimension], &USUAL) {
             let mut ramps = found.ramps.clone();
             ramps[dimension] = ramp;
-            let tried = fit::as_it_is(Hypothesis { ramps, ..found.clone() }, data, choice);
-            if ramp != found.ramps[dimension] && tried.0.misrounded(data, choice) <= few {
-                all.push(tried);
+            if ramp != found.ramps[dimension] {
+                all.extend(fit::as_it_is(Hypothesis { ramps, ..found.clone() }, few, data, choice));
             }
         }
     }

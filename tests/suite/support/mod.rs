@@ -9,7 +9,6 @@ pub mod directions;
 pub mod f32_error;
 pub mod hlsl;
 pub mod kiln;
-pub mod masters;
 pub mod memory;
 pub mod room;
 pub mod samples;
