@@ -52,7 +52,9 @@ impl Precision {
         // The brightest was rounded too, perhaps below where the factor that it was given begins: by half a code of three, and a square.
         let unrounded = (brightest.abs() * (1.0 + 1e-2)).min(format.largest(channel));
         match format.step(channel, wider(value), unrounded) {
-            Some(step) => 0.5 * step,
+            Some(step) if format.is_read_exactly() => 0.5 * step,
+            // What is read is half a step beyond the value at most, and rounded.
+            Some(step) => 0.5 * step + 0.5 * f64::from(f32::EPSILON) * (wider(value) + step),
             None => self.block_error * wider(brightest),
         }
     }
@@ -84,6 +86,21 @@ mod tests {
             let precision = Precision::new(TexelFormat::Rgbp, stored.iter().map(|&v| f64::from(v)), 0.0);
             let off = (f64::from(stored[1]) - value).abs();
             assert!(off <= precision.tolerance(1, value), "{value}: off by {off}");
+        }
+    }
+
+    /// Half a step from its code, a value is as far from what is read as that is rounded to.
+    #[test]
+    fn a_value_between_two_codes_may_be_either_as_it_is_read() {
+        for number in [Number::Unorm8, Number::Unorm16] {
+            let (precision, most) = (Precision::from(number), if number == Number::Unorm8 { 255 } else { 65535 });
+            for code in 1..=most {
+                let value = (f64::from(code) - 0.5) / f64::from(most);
+                for code in [code - 1, code] {
+                    let off = (f64::from((f64::from(code) / f64::from(most)) as f32) - value).abs();
+                    assert!(off <= precision.tolerance(0, value), "{number} {code}: {value} is off by {off}");
+                }
+            }
         }
     }
 
