@@ -345,17 +345,46 @@ fn unprintable(e: serde_json::Error) -> Error {
     Error::unsupported(format!("a certificate that JSON cannot hold: {e}"), "report this as a bug")
 }
 
-/// What the file at `path` holds: [`crate::format::read`], and of bare texels what the certificate beside them says that they are.
+/// What the file at `path` holds: see [`decode`].
 ///
 /// **Errors**: a file that cannot be read, that Kiln does not read, or that is not what its certificate says.
 pub fn read(path: &Path) -> Result<Decoded> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-    let decoded = match bare_texture(path, &bytes) {
-        Ok(Some(texture)) => Ok(Decoded::Texture(texture)),
-        Ok(None) => format::decode(&bytes),
-        Err(error) => Err(error),
-    };
-    decoded.map_err(|e| e.in_file(path))
+    decode(path, &bytes).map_err(|e| e.in_file(path))
+}
+
+/// What `bytes`, the file at `path`, hold: [`crate::format::decode`], and of bare texels what the certificate beside them says that they
+/// are. A certificate that stands beside the file is among the metadata, as if it were in it: some containers have no place for one.
+///
+/// **Errors**: bytes that Kiln does not read, or that are not what their certificate says, without their path.
+pub fn decode(path: &Path, bytes: &[u8]) -> Result<Decoded> {
+    if let Some(texture) = bare_texture(path, bytes)? {
+        return Ok(Decoded::Texture(texture));
+    }
+    let mut decoded = format::decode(bytes)?;
+    let is_certified = [KEY, LAYERS_KEY].iter().any(|key| decoded.metadata(key).is_some());
+    // What is broken beside a file does not keep anybody from reading the file.
+    if !is_certified && let Ok(Some(certificate)) = find_beside(path) {
+        decoded.metadata_mut().push((KEY.to_owned(), certificate.to_json()?));
+    }
+    Ok(decoded)
+}
+
+/// The certificate beside the file at `path`: `NAME.certificate.json`, or the folder's `certificate.json` if it names the file.
+///
+/// **Errors**: a broken certificate.
+pub fn find_beside(path: &Path) -> Result<Option<Certificate>> {
+    let own = beside(path);
+    for candidate in [&own, &path.with_file_name("certificate.json")] {
+        if let Ok(text) = std::fs::read_to_string(candidate) {
+            let certificate = Certificate::from_json(&text).map_err(|e| e.in_file(candidate))?;
+            let names_it = || certificate.files.iter().any(|f| path.file_name().is_some_and(|n| n == f.file.as_str()));
+            if *candidate == own || names_it() {
+                return Ok(Some(certificate));
+            }
+        }
+    }
+    Ok(None)
 }
 
 /// The texture in `bytes`, the file at `path`, if they say nothing of themselves and a layout stands beside them, or a certificate of a

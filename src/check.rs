@@ -8,7 +8,7 @@ mod table;
 
 pub(crate) use environment::Spread;
 pub use environment::{CubeLevel, EnvironmentValues};
-pub use precision::{MOST_BLOCK_ERROR, Precision};
+pub use precision::Precision;
 pub use table::TableValues;
 
 use serde::{Deserialize, Serialize};

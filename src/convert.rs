@@ -77,6 +77,8 @@ struct Content {
     /// Channels of the values.
     channels: Vec<String>,
     levels: Vec<Vec<f64>>,
+    /// The levels of a texture as they are packed, as long as they are what they were: packed again, blocks and codes of a factor come out otherwise.
+    packed: Vec<Vec<u8>>,
     notes: Vec<String>,
 }
 
@@ -130,9 +132,15 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         notes: content.notes.clone(),
         layout: None,
     };
+    let is_copied = !content.packed.is_empty() && texture.format == content.like.format;
     let mut squares = 0.0;
     for (level, values) in content.levels.iter().enumerate() {
-        let packing = texture.push_level(values)?;
+        let packing = if is_copied {
+            texture.levels.push(std::mem::take(&mut content.packed[level]));
+            as_it_is(values)
+        } else {
+            texture.push_level(values)?
+        };
         report.packing = report.packing.merge(packing);
         for (value, back) in values.iter().zip(texture.values(level)) {
             if value.is_finite() {
@@ -143,7 +151,7 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         }
     }
     report.rms_error = (squares / report.count.max(1) as f64).sqrt();
-    if !conversion.clamp {
+    if !conversion.clamp && !is_copied {
         refuse_clamping(conversion.format, texture.format, &report.packing)?;
     }
     let file = format::encode(conversion.format, &texture)?;
@@ -151,6 +159,16 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         report.layout = Some(format::raw::Layout::of(&texture, conversion.format).to_json()?);
     }
     Ok((file, report))
+}
+
+/// What is told of values that stay as they are.
+fn as_it_is(values: &[f64]) -> PackReport {
+    let count = |of: fn(f64) -> bool| values.iter().filter(|&&value| of(value)).count() as u64;
+    PackReport {
+        negative: count(|value| value < 0.0),
+        nonfinite: count(|value| !value.is_finite()),
+        ..PackReport::default()
+    }
 }
 
 fn refuse_clamping(spec: FormatSpec, format: TexelFormat, packing: &PackReport) -> Result<()> {
@@ -186,7 +204,8 @@ impl Content {
                 if array.values.is_empty() {
                     return Err(Error::unsupported("an array of nothing", "convert another"));
                 }
-                Ok(Self { like, channels: names, levels: vec![array.values], notes: vec![] }.without_certificate())
+                Ok(Self { like, channels: names, levels: vec![array.values], packed: vec![], notes: vec![] }
+                    .without_certificate())
             }
         }
     }
@@ -197,7 +216,9 @@ impl Content {
         let n = texture.format.channels();
         let named = || Certificate::from_json(texture.metadata(certificate::KEY)?).ok()?.table.map(|t| t.channels);
         let channels = named().filter(|names| names.len() == n).unwrap_or_else(|| texture.channel_names());
-        Self { like: Texture { levels: vec![], ..texture }, channels, levels, notes: vec![] }.without_certificate()
+        let packed = texture.levels;
+        let like = Texture { levels: vec![], ..texture };
+        Self { like, channels, levels, packed, notes: vec![] }.without_certificate()
     }
 
     /// A picture's channels come in the order of colour, or of the table that its certificate names; an OpenEXR has them by name.
@@ -221,7 +242,7 @@ impl Content {
         let mut like = Texture::empty(format, image.width, image.height);
         like.primaries = image.primaries.unwrap_or(like.primaries);
         like.metadata = image.metadata;
-        Ok(Self { like, channels, levels: vec![values], notes: vec![] }.without_certificate())
+        Ok(Self { like, channels, levels: vec![values], packed: vec![], notes: vec![] }.without_certificate())
     }
 
     /// A volume whose slices were layers of channels; channels in the order of the table that the certificate names, else in the file's.
@@ -235,7 +256,7 @@ impl Content {
         let channels = order.iter().map(|&c| grid.channels[c].name.clone()).collect();
         let [width, height, depth] = grid.size;
         let like = Texture { depth, metadata: image.metadata, ..Texture::empty(format, width, height) };
-        Self { like, channels, levels: vec![values], notes: vec![] }.without_certificate()
+        Self { like, channels, levels: vec![values], packed: vec![], notes: vec![] }.without_certificate()
     }
 
     /// The slices of a volume as layers of channels, `slice00.` and so on: what OpenEXR has for one.
@@ -276,6 +297,9 @@ impl Content {
             self.like.depth = depth;
         }
         self.levels = vec![self.levels.swap_remove(level)];
+        if !self.packed.is_empty() {
+            self.packed = vec![self.packed.swap_remove(level)];
+        }
         Ok(())
     }
 
@@ -285,6 +309,9 @@ impl Content {
             return Err(Error::usage(format!("{n} channels of {old}"), format!("give --channels 1 to {old}")));
         }
         self.channels.truncate(n);
+        if n < old {
+            self.packed.clear();
+        }
         for level in &mut self.levels {
             *level = level.chunks_exact(old).flat_map(|t| t[..n].iter().copied()).collect();
         }
@@ -378,6 +405,7 @@ impl Content {
             ..Texture::empty(self.like.format, width, height)
         };
         self.levels = vec![wide(after.texels().as_flattened())];
+        self.packed.clear();
         self.channels = ["R", "G", "B"].map(str::to_owned).to_vec();
         let (old, new) = (before.mean(), after.mean());
         let change = |c: usize| if old[c] == new[c] { 0.0 } else { (new[c] / old[c] - 1.0).abs() };

@@ -192,22 +192,12 @@ fn layers(path: &Path, texture: &Texture, certificates: &str, options: Options) 
     Ok(report)
 }
 
-/// The certificate in the file, or beside it: `NAME.certificate.json`, or the folder's `certificate.json` if it names the file.
+/// The certificate in the file, or beside it.
 fn find_certificate(path: &Path, content: &Content) -> Result<Option<Certificate>> {
-    if let Some(text) = content.certificate() {
-        return Certificate::from_json(text).map(Some).map_err(|e| e.in_file(path));
+    match content.certificate() {
+        Some(text) => Certificate::from_json(text).map(Some).map_err(|e| e.in_file(path)),
+        None => certificate::find_beside(path),
     }
-    let own = certificate::beside(path);
-    for candidate in [&own, &path.with_file_name("certificate.json")] {
-        if let Ok(text) = std::fs::read_to_string(candidate) {
-            let certificate = Certificate::from_json(&text).map_err(|e| e.in_file(candidate))?;
-            let names_it = || certificate.files.iter().any(|f| path.file_name().is_some_and(|n| n == f.file.as_str()));
-            if *candidate == own || names_it() || certificate.files.len() == 1 {
-                return Ok(Some(certificate));
-            }
-        }
-    }
-    Ok(None)
 }
 
 /// The files that a path stands for: itself, or, for a folder, everything in it that Kiln wrote with a certificate.

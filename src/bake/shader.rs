@@ -4,7 +4,7 @@ use super::{Baked, ShFile};
 use crate::certificate::{self, Certificate};
 use crate::environment::spherical_harmonics::SphericalHarmonics;
 use crate::error::{Error, Result};
-use crate::format::{FileKind, decode};
+use crate::format::FileKind;
 use crate::language::Language;
 use crate::recipe::Recipe;
 use crate::shader::{Shader, combined, identifier, identifiers};
@@ -66,9 +66,10 @@ pub fn combined_shader(recipe: &Recipe, certificates: &[Certificate], folder: &P
 pub fn shader_of(path: &Path, name: Option<&str>) -> Result<Vec<Shader>> {
     let file = if path.is_dir() { path.join("certificate.json") } else { path.to_owned() };
     let bytes = std::fs::read(&file).map_err(|e| Error::reading(&file, e))?;
-    let decoded = match FileKind::of(&bytes) {
-        FileKind::Other(_) => None, // a certificate by itself is text
-        _ => Some(decode(&bytes)?),
+    let decoded = match (certificate::decode(&file, &bytes), FileKind::of(&bytes)) {
+        (Ok(decoded), _) => Some(decoded),
+        (Err(_), FileKind::Other(_)) => None, // a certificate by itself is text
+        (Err(error), _) => return Err(error),
     };
     if let Some(json) = decoded.as_ref().and_then(|decoded| decoded.metadata(certificate::LAYERS_KEY)) {
         let certificates = Certificate::list_from_json(json)?;

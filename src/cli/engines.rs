@@ -172,7 +172,7 @@ impl EnvironmentRow {
             irradiance_size: preset.irradiance_size,
             sh,
             format: preset.format,
-            irradiance_format: preset.irradiance_format,
+            irradiance_format: preset.format_of_irradiance(),
             specular_file: preset.specular_file,
             irradiance_file: (preset.irradiance == IrradianceKind::Cube)
                 .then_some(preset.irradiance_file)
@@ -219,7 +219,7 @@ fn text(engine: &Engine) -> Result<String> {
         lines.push(format!("  {}", environment_flags(preset)?));
         let maps = [("specular", preset.specular_file, preset.format)];
         let irradiance = (preset.irradiance == IrradianceKind::Cube).then_some(preset.irradiance_file);
-        let irradiance = irradiance.map(|file| ("irradiance", file, preset.irradiance_format));
+        let irradiance = irradiance.map(|file| ("irradiance", file, preset.format_of_irradiance()));
         lines.extend(names_of(&maps.into_iter().chain(irradiance).collect::<Vec<_>>())?);
         if preset.has_sheen() {
             lines.push(format!("  {}", sheen_flags(preset)?));
@@ -312,8 +312,8 @@ fn environment_flags(preset: &EngineEnvironment) -> Result<String> {
     flags += &format!(" --irradiance {}", preset.irradiance.name());
     if preset.irradiance == IrradianceKind::Cube {
         flags += &format!(" --irradiance-size {}", preset.irradiance_size);
-        if preset.irradiance_format != preset.format {
-            flags += &format!(" --irradiance-format {}", preset.irradiance_format);
+        if let Some(own) = preset.irradiance_format {
+            flags += &format!(" --irradiance-format {own}");
         }
     }
     if preset.sh != ShConvention::Kiln {

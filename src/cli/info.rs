@@ -6,7 +6,7 @@ use clap::Args;
 use kiln::bake::SunFile;
 use kiln::certificate::{self, Certificate, Level};
 use kiln::environment::{Negatives, NonFinite, Panorama, Photometry, Unit, extract_sun};
-use kiln::format::{Array, Decoded, FileKind, Image, Texture, decode};
+use kiln::format::{Array, Decoded, FileKind, Image, Texture};
 use kiln::pack::PackReport;
 use kiln::{Error, Result};
 use serde::Serialize;
@@ -85,11 +85,11 @@ impl Info {
 
 fn facts(path: &Path, unit: Unit) -> Result<Facts> {
     let bytes = std::fs::read(path).map_err(|e| Error::reading(path, e))?;
-    let (kind, decoded) = match certificate::bare_texture(path, &bytes)? {
-        Some(texture) => ("bare texels of", Decoded::Texture(texture)),
-        None => (FileKind::of(&bytes).name(), decode(&bytes)?),
+    let kind = match FileKind::of(&bytes) {
+        FileKind::Other(_) => "bare texels of",
+        known => known.name(),
     };
-    let mut facts = match decoded {
+    let mut facts = match certificate::decode(path, &bytes)? {
         Decoded::Picture(image, _) => of_image(path, kind, image, unit),
         Decoded::Texture(texture) => of_texture(path, kind, texture),
         Decoded::Array(array) => of_array(path, kind, array),

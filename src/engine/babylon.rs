@@ -34,7 +34,6 @@ pub(super) static BABYLON: Engine = Engine {
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Sh,
         format: "env",
-        irradiance_format: "env",
         specular_file: "{name}.env",
         irradiance_file: "{name}_irradiance.env",
         sh: ShConvention::Babylon,

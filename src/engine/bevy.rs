@@ -24,7 +24,6 @@ pub(super) static BEVY: Engine = Engine {
         orientation: "x,y,-z",
         irradiance: IrradianceKind::Cube,
         format: "ktx2:rgb9e5+zstd",
-        irradiance_format: "ktx2:rgb9e5+zstd",
         specular_file: "{name}_specular_rgb9e5_zstd.ktx2",
         irradiance_file: "{name}_diffuse_rgb9e5_zstd.ktx2",
         ..CHAIN

@@ -20,7 +20,6 @@ pub(super) static FILAMENT: Engine = Engine {
         orientation: "x,y,z",
         irradiance: IrradianceKind::Sh,
         format: "ktx1:b10g11r11",
-        irradiance_format: "ktx1:b10g11r11",
         specular_file: "{name}_ibl.ktx",
         irradiance_file: "{name}_irradiance.ktx",
         sh: ShConvention::Filament,

@@ -40,7 +40,6 @@ pub(super) static GLTF: Engine = Engine {
         irradiance: IrradianceKind::Cube,
         irradiance_size: 256,
         format: "ktx2:rgba16f",
-        irradiance_format: "ktx2:rgba16f",
         specular_file: "specular.ktx2",
         irradiance_file: "diffuse.ktx2",
         sheen_file: "charlie/sheen.ktx2",

@@ -41,7 +41,6 @@ pub(super) static GODOT: Engine = Engine {
         orientation: "x,y,z",
         irradiance: IrradianceKind::LastLevel,
         format: "dds:rgba16f",
-        irradiance_format: "dds:rgba16f",
         specular_file: "{name}_radiance.dds",
         irradiance_file: "{name}_irradiance.dds",
         ..CHAIN

@@ -23,7 +23,6 @@ pub(super) static MATERIALX: Engine = Engine {
         orientation: "z,y,-x",
         irradiance: IrradianceKind::Cube,
         format: "exr:f32",
-        irradiance_format: "exr:f32",
         specular_file: "{name}_specular.exr",
         irradiance_file: "{name}_irradiance.exr",
         ..CHAIN

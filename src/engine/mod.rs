@@ -169,8 +169,8 @@ pub struct EngineEnvironment {
     pub irradiance_size: usize,
     /// Container and texel format of the specular cube.
     pub format: &'static str,
-    /// The same of the irradiance cube.
-    pub irradiance_format: &'static str,
+    /// The same of the irradiance cube, if that has another.
+    pub irradiance_format: Option<&'static str>,
     /// File of the specular cube; `{name}` is the input's.
     pub specular_file: &'static str,
     /// File of the irradiance cube.
@@ -193,7 +193,7 @@ const CHAIN: EngineEnvironment = EngineEnvironment {
     irradiance: IrradianceKind::None,
     irradiance_size: 32,
     format: "",
-    irradiance_format: "",
+    irradiance_format: None,
     specular_file: "",
     irradiance_file: "",
     sh: ShConvention::Kiln,
@@ -224,6 +224,11 @@ impl EngineEnvironment {
         let map = self.as_shipped.filter(|_| as_shipped).unwrap_or(self.roughness);
         let n = self.n_levels(size);
         (0..n).map(|level| map.roughness(level, n, size)).collect()
+    }
+
+    /// Container and texel format of the irradiance cube.
+    pub fn format_of_irradiance(&self) -> &'static str {
+        self.irradiance_format.unwrap_or(self.format)
     }
 
     /// Whether there is another chain for sheens.
@@ -299,7 +304,6 @@ impl Engine {
         let Some(preset) = &self.environment else { return Ok(None) };
         let name = name_of(input)?;
         let file = |template: &str| Some(template.replace("{name}", &name)).filter(|file| !file.is_empty());
-        let own = preset.irradiance_format != preset.format;
         Ok(Some(EnvironmentRecipe {
             layout: preset.layout,
             size: preset.size,
@@ -308,7 +312,7 @@ impl Engine {
             kernel: preset.kernel,
             format: preset.format.parse()?,
             irradiance: preset.irradiance,
-            irradiance_format: own.then(|| preset.irradiance_format.parse()).transpose()?,
+            irradiance_format: preset.irradiance_format.map(str::parse).transpose()?,
             orientation: preset.orientation()?,
             sh: preset.sh,
             specular_file: file(preset.specular_file),

@@ -40,7 +40,7 @@ pub(super) static O3DE: Engine = Engine {
         orientation: "-x,y,z",
         irradiance: IrradianceKind::Cube,
         format: "dds:rgb9e5",
-        irradiance_format: "dds:bc6h",
+        irradiance_format: Some("dds:bc6h"),
         specular_file: "{name}_iblspecularcm.dds",
         irradiance_file: "{name}_ibldiffusecm.dds",
         ..CHAIN

@@ -19,7 +19,6 @@ pub(super) static PLAYCANVAS: Engine = Engine {
         orientation: atlas::ORIENTATION,
         irradiance: IrradianceKind::Cube,
         format: "png:rgbp",
-        irradiance_format: "png:rgbp",
         specular_file: "{name}_atlas.png",
         irradiance_file: "",
         sh: ShConvention::Playcanvas,

@@ -23,7 +23,6 @@ pub(super) static THREEJS: Engine = Engine {
         orientation: "-x,y,z",
         irradiance: IrradianceKind::LastLevel,
         format: "ktx2:uastc-hdr+zstd",
-        irradiance_format: "ktx2:uastc-hdr+zstd",
         specular_file: "{name}.ktx2",
         irradiance_file: "{name}_irradiance.ktx2",
         sh: ShConvention::Threejs,

@@ -60,7 +60,6 @@ pub(super) static UNITY_HDRP: Engine = Engine {
         orientation: "-x,y,z",
         irradiance: IrradianceKind::None,
         format: "dds:bc6h",
-        irradiance_format: "dds:bc6h",
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
         sh: ShConvention::Unity,

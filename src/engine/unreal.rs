@@ -21,7 +21,6 @@ pub(super) static UNREAL: Engine = Engine {
         orientation: "x,z,y",
         irradiance: IrradianceKind::None,
         format: "dds:bc6h",
-        irradiance_format: "dds:bc6h",
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
         ..CHAIN

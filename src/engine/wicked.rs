@@ -21,7 +21,6 @@ pub(super) static WICKED: Engine = Engine {
         orientation: "x,y,-z",
         irradiance: IrradianceKind::LastLevel,
         format: "dds:bc6h",
-        irradiance_format: "dds:bc6h",
         specular_file: "{name}.dds",
         irradiance_file: "{name}_irradiance.dds",
         ..CHAIN
@@ -31,6 +30,7 @@ pub(super) static WICKED: Engine = Engine {
         "that importing a scene negates Z, which the cube follows",
         "the size of 256, and that the chain ends at 1 texel",
         "that the sheen's visibility is Neubelt's",
+        "that the last level stands for irradiance",
     ],
     warnings: &[
         "its own baker fills level m for r = m/L, its shader reads it at r = m/(L + 1): the latter is baked; r = 1 is read from the last \

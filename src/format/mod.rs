@@ -213,12 +213,12 @@ impl Array {
 }
 
 impl Decoded {
-    /// How texels were stored; nothing for an array of numbers that Kiln does not write.
+    /// How texels were stored; nothing for an array of numbers that Kiln does not write. What an array has no three axes for is of one channel.
     pub fn format(&self) -> Option<TexelFormat> {
         match self {
             Self::Picture(_, format) => Some(*format),
             Self::Texture(texture) => Some(texture.format),
-            Self::Array(array) => array.number.map(|number| TexelFormat::Plain { channels: 1, number }),
+            Self::Array(array) => array.number.map(|number| TexelFormat::Plain { channels: array.extent()[3], number }),
         }
     }
 
@@ -229,6 +229,15 @@ impl Decoded {
             Self::Picture(image, _) => wide(&image.texels),
             Self::Texture(texture) => wide(&texture.values(0)),
             Self::Array(array) => array.values.clone(),
+        }
+    }
+
+    /// Key/value pairs.
+    pub fn metadata_mut(&mut self) -> &mut Vec<(String, String)> {
+        match self {
+            Self::Picture(image, _) => &mut image.metadata,
+            Self::Texture(texture) => &mut texture.metadata,
+            Self::Array(array) => &mut array.metadata,
         }
     }
 

@@ -177,6 +177,11 @@ impl TexelFormat {
         }
     }
 
+    /// Whether every value that a texel can have is an f32: k/255 is none, and is read as the nearest.
+    pub fn is_read_exactly(self) -> bool {
+        !matches!(self, Plain { number: Number::Unorm8 | Number::Unorm16, .. } | Rgbm | Rgbd | Rgbp)
+    }
+
     /// Whether texels are packed in [`blocks`], where each is off by more or less as its neighbours want it.
     pub fn is_in_blocks(self) -> bool {
         self.block() > 1

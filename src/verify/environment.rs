@@ -3,7 +3,7 @@
 use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate, Level};
-use crate::check::{Check, CubeLevel, EnvironmentValues, MOST_BLOCK_ERROR};
+use crate::check::{Check, CubeLevel, EnvironmentValues};
 use crate::environment::{CubeLookup, KernelKind, Panorama, SphereLayout, atlas, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::{Image, Texture};
@@ -40,7 +40,7 @@ pub(super) fn verify(
             let is_irradiance = levels[0].name == IRRADIANCE;
             let own = if is_irradiance { recipe.format_of_irradiance() } else { recipe.format };
             let format = map_texel(own, recipe.layout)?;
-            let precision = precision(format, &levels, certificate.packing.max_block_error.min(MOST_BLOCK_ERROR));
+            let precision = precision(format, &levels, certificate.packing.max_block_error);
             let (layout, orientation) = (recipe.layout, recipe.orientation);
             let judged = EnvironmentValues { levels: &levels, layout, precision, orientation };
             report

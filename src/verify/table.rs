@@ -3,7 +3,7 @@
 use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, texel_digest};
 use crate::certificate::Certificate;
-use crate::check::{Check, MOST_BLOCK_ERROR, Precision, TableValues};
+use crate::check::{Check, Precision, TableValues};
 use crate::claim::model_words;
 use crate::error::{Error, Result};
 use crate::format::Container;
@@ -28,8 +28,7 @@ pub(super) fn verify(
     let errors = claimed_errors(certificate, &spec, &integration);
     let kinds = spec.error_kinds(&integration);
     let values: Vec<f64> = texels.iter().map(|&v| f64::from(v)).collect();
-    let block_error = certificate.packing.max_block_error.min(MOST_BLOCK_ERROR);
-    let precision = Precision::new(recipe.texel_format()?, values.iter().copied(), block_error);
+    let precision = Precision::new(recipe.texel_format()?, values.iter().copied(), certificate.packing.max_block_error);
     let judged = TableValues { spec: &spec, values: &values, errors: &errors, kinds: &kinds, precision };
     let mut checks: Vec<Check> =
         digest_check(path, certificate, &texel_digest([texels.as_slice()])).into_iter().collect();

@@ -8,7 +8,7 @@ use crate::support::tools;
 use kiln::bake;
 use kiln::certificate;
 use kiln::compare::{Tolerance, compare, levels};
-use kiln::convert::{Conversion, Shape, convert};
+use kiln::convert::{Conversion, Shape, convert, usual_format};
 use kiln::environment::{SphereLayout, SphereMap};
 use kiln::format::grid::Described;
 use kiln::format::{self, Container, Decoded, FormatSpec, Texture, Variant, dds, hdr, ktx2};
@@ -562,6 +562,49 @@ fn volumes_and_rows_go_through_every_container_that_has_a_form_for_them() {
         }
         let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
         assert_same_texels("round trip", start, &back);
+    }
+}
+
+/// A table in source code or NumPy's array of two channels was taken for one of one.
+#[test]
+fn an_array_becomes_a_texture_of_as_many_channels() {
+    for (shape, wanted) in [(vec![3, 4], "ktx2:r16f"), (vec![3, 4, 2], "ktx2:rg16f"), (vec![2, 3, 4, 3], "ktx2:rgb16f")]
+    {
+        let values = vec![0.5; shape.iter().product()];
+        let array = format::Array { shape, values, number: Some(Number::F16), channels: vec![], metadata: vec![] };
+        assert_eq!(usual_format(Container::Ktx2, &Decoded::Array(array)).unwrap().to_string(), wanted);
+    }
+}
+
+/// Packed again, blocks and codes of a factor come out otherwise.
+#[test]
+fn what_stays_packed_as_it_is_is_copied_from_container_to_container() {
+    use TexelFormat::{Bc6h, Rgbd, Rgbm, UastcHdr};
+    for (format, ways) in [
+        (Bc6h, &["dds:bc6h", "ktx1:bc6h", "ktx2:bc6h+zstd"][..]),
+        (UastcHdr, &["ktx2:uastc-hdr+zstd"]),
+        (Rgbd, &["ktx1:rgbd", "ktx2:rgbd"]),
+        (Rgbm, &["ktx1:rgbm", "ktx2:rgbm"]),
+    ] {
+        let start = texture("cube", format);
+        let mut bytes = ktx2::encode(&start).unwrap();
+        for name in ways {
+            let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert_eq!(report.max_error, 0.0, "{name}");
+            bytes = next;
+        }
+        let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+        assert_eq!(back.levels, start.levels, "{format}");
+        // So is a level by itself; another packing is none.
+        let second = |format: &str| Conversion { level: Some(1), ..conversion(format) };
+        let decoded = |bytes: (Vec<u8>, _)| match format::decode(&bytes.0).unwrap() {
+            Decoded::Texture(texture) => texture.levels,
+            _ => panic!("a texture"),
+        };
+        let alone = decoded(converted(&bytes, &second(ways[0])).unwrap());
+        assert_eq!(alone, start.levels[1..2], "{format}");
+        let (_, floats) = converted(&bytes, &second("ktx2:rgb32f")).unwrap();
+        assert_eq!((floats.max_error, floats.format.as_str()), (0.0, "rgb32f"));
     }
 }
 

@@ -164,6 +164,11 @@ fn convert_tells_an_octahedral_map_by_its_certificate_or_is_told() {
     convert(&["square.exr", "cube.ktx2", "--from", "octahedral", "--shape", "cube", "--format", "ktx2:rgba32f"]);
     let cube = ktx2::decode(&std::fs::read(folder.join("cube.ktx2")).unwrap()).unwrap();
     assert_eq!((cube.faces, cube.width), (6, 32));
+    // Nor does a surface, which has no place for its certificate: that stands beside it.
+    bake(folder, "octahedral", &["--format", "dds:rgb32f"]);
+    assert!(succeed(folder, &["info", "octahedral/specular.dds"]).stdout.contains("certificate: Kiln"));
+    convert(&["octahedral/specular.dds", "again.exr", "--level", "0", "--shape", "panorama"]);
+    succeed(folder, &["compare", "again.exr", "pano.exr", "--tolerance", "0"]);
     let refused = |arguments: &[&str]| fail(folder, &[&["convert"], arguments].concat(), 2);
     assert!(refused(&["cube.ktx2", "x.hdr", "--size", "8"]).contains("--size without --shape"));
     assert!(refused(&["cube.ktx2", "x.ktx2", "--shape", "cube"]).contains("a cube that is to become a cube"));

@@ -580,7 +580,8 @@ fn tables() -> Vec<(&'static str, TableRecipe)> {
     let axes = |text: &str| text.split(',').map(str::to_owned).collect::<Vec<_>>();
     let steep = axes("mu:32:sqrt:edge,roughness:16:flip");
     let glass = axes("mu:6:cbrt,alpha:5:edge:flip,eta:7:f0-fourth-root");
-    let colour = axes("mu:6:log+0.05,roughness:5:square,f0:4:edge");
+    // (The random witness takes its time for averages.)
+    let colour = axes("mu:4:log+0.05,roughness:3:square,f0:2:edge");
     let compensations = ["none", "kulla-conty", "kulla-conty-squared", "turquin", "fdez-aguera"];
     let compensations = compensations.map(|c| format!("compensation.{c}"));
     let compensations = compensations.each_ref().map(String::as_str);

@@ -10,7 +10,7 @@ const table = async (name) => {
   return texture;
 };
 const scenes = JSON.parse(new TextDecoder().decode(await bytes('scenes.json')));
-const own = [await table('ltc_1.raw'), await table('ltc_2.raw')];
+const own = [await table('ltc-matrix'), await table('ltc-amplitude')];
 RectAreaLightTexturesLib.init();
 const theirs = [RectAreaLightTexturesLib.LTC_HALF_1, RectAreaLightTexturesLib.LTC_HALF_2];
 const size = 3;
