@@ -2,10 +2,10 @@
 
 use super::{Baked, refuse_failures, texel_digest};
 use crate::certificate::{self, Certificate, Channel, FileDigest};
-use crate::check::{Precision, TableValues};
+use crate::check::{Precision, SIGMAS, TableValues};
 use crate::error::{Error, Result};
 use crate::format::{self, Container, Image, Texture, exr, source};
-use crate::integrate::{Integration, Integrator};
+use crate::integrate::{Estimate, Integration, Integrator};
 use crate::math::fit::Fit;
 use crate::pack::{PackReport, TexelFormat};
 use crate::recipe::TableRecipe;
@@ -161,8 +161,8 @@ fn pack(table: &Table, recipe: &TableRecipe) -> Result<(Texture, PackReport)> {
     let ([width, height, depth], n) = (arrangement.size, arrangement.file_channels());
     let format = recipe.texel_format()?;
     let padding = vec![0.0; format.channels() - n];
-    let values: Vec<f64> =
-        arrangement.scatter(&table.values).chunks_exact(n).flat_map(|v| [v, &padding].concat()).collect();
+    let values = within_errors(table, format);
+    let values: Vec<f64> = arrangement.scatter(&values).chunks_exact(n).flat_map(|v| [v, &padding].concat()).collect();
     let (mut texture, report) = if arrangement.is_volume() {
         Texture::volume(format, [width, height, depth], &values)?
     } else {
@@ -173,6 +173,23 @@ fn pack(table: &Table, recipe: &TableRecipe) -> Result<(Texture, PackReport)> {
     }
     refuse_clamped(recipe, format, &report)?;
     Ok((texture, report))
+}
+
+/// The values, but for what is beyond the range of a format without a sign by no more than its own error: the truth may be at the end, and an
+/// albedo of 1, known to 1e-8, is.
+fn within_errors(table: &Table, format: TexelFormat) -> Vec<f64> {
+    if format.is_signed() {
+        return table.values.clone();
+    }
+    let n = table.spec.channels.len();
+    let values = table.values.iter().zip(&table.errors).enumerate();
+    values
+        .map(|(i, (&value, &error))| {
+            let nearest = value.clamp(0.0, format.largest(i % n));
+            let room = Estimate { value, error, kind: table.kinds[i % n] }.half_width(SIGMAS);
+            if (value - nearest).abs() <= room { nearest } else { value }
+        })
+        .collect()
 }
 
 fn names(table: &Table, arrangement: &Arrangement) -> Vec<String> {

@@ -565,6 +565,18 @@ fn volumes_and_rows_go_through_every_container_that_has_a_form_for_them() {
     }
 }
 
+/// At the horizon and of a mirror albedos are 1, and known to be a little more or less.
+#[test]
+fn what_is_beyond_a_format_by_its_own_error_only_is_at_its_end() {
+    let mut recipe = TableRecipe::named("ggx-albedo", "png:r8unorm".parse().unwrap()).unwrap();
+    recipe.axes = ["mu:6:sqrt:edge", "roughness:5:flip"].map(|axis| axis.parse().unwrap()).into();
+    let baked = bake::table(&recipe, &|_| ()).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(baked.certificate.packing.overflowed, 0);
+    // More than that is still refused.
+    recipe.channels = vec!["ggx.albedo:*1.00001".to_owned()];
+    assert!(bake::table(&recipe, &|_| ()).unwrap_err().to_string().contains("values above 1"));
+}
+
 /// A table in source code or NumPy's array of two channels was taken for one of one.
 #[test]
 fn an_array_becomes_a_texture_of_as_many_channels() {
