@@ -21,8 +21,8 @@ use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::Kernel;
 use crate::environment::peel::Peel;
 
-/// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.06 of the bound on some thousand random maps.
-const LOOK: f64 = 1e-3;
+/// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.2 of the bound on some thousand random maps.
+const LOOK: f64 = 5e-4;
 /// What the last degrees may tell for what is left out to be little: it was at most as much as that on the same maps. And what it may be where it is
 /// measured in those directions in which it is likely to be most.
 const GOOD: f64 = 9e-5;

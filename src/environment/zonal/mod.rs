@@ -431,8 +431,12 @@ impl Part {
         let narrowest = plans.iter().map(width).fold(2.0, f64::min);
         let (mean, norm2, whole) = (rest.mean, rest.norm2, panorama.mean());
         let share = (0..3).filter(|&c| whole[c] > 0.0).map(|c| mean[c] / whole[c]).fold(0.0, f64::max);
-        let kinked = plans.iter().filter(|plan| is_wide(&plan.kernel) && plan.split.is_none());
-        let kinked = kinked.map(Plan::degree).max().unwrap_or(0);
+        // (A narrow kernel's kink is slight, but where a map is coarse and dark it shows.)
+        let kinked = |plan: &Plan| match is_wide(&plan.kernel) {
+            true => plan.degree(),
+            false => plan.degree().min(usual_degree(&plan.kernel)),
+        };
+        let kinked = plans.iter().filter(|plan| plan.split.is_none()).map(kinked).max().unwrap_or(0);
         let rows = match Nodes::for_kernels(narrowest, [kinked, degree], rest.shape()) {
             Some(nodes) => Rows::Nodes(nodes),
             None => Rows::Points(row_rule(narrowest, kinked, panorama.height())),
@@ -497,12 +501,14 @@ fn parts(
 /// The part of the light that a texel must hold for the kernel's horizon to show, and to be peeled off.
 ///
 /// The kink a max(c, 0), a = K′(0), is off by some a/(5L) when cut off at degree L; 1e-4 of the darkest output (which is reckoned
-/// three times too dark) is left to the texels of a cell that L does not resolve.
+/// three times too dark) is left to the texels of a cell that L does not resolve. Where L resolves texels, what is beyond is less than that of points, as
+/// the sinc of a texel's height is.
 fn least_share(plan: &Plan, times: usize, height: usize) -> f64 {
     let [slope, ..] = plan.kernel.horizon();
     let degree = plan.degree().max(times * usual_degree(&plan.kernel)) as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
-    1e-4 * plan.darkest * 5.0 * degree / (slope * 4.0 * PI * cell)
+    let resolved = (0.5 * PI * degree / height as f64).max(1.0);
+    1e-4 * plan.darkest * 5.0 * degree * resolved / (slope * 4.0 * PI * cell)
 }
 
 /// A panorama without what was peeled off, and without its mean.

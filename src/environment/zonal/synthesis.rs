@@ -225,16 +225,6 @@ impl Rings {
                 }
             }
         }
-        // The poles themselves lie between rings. What is alike all round adds up there: terms like l⁻² instead of l⁻³, of which twice as much is left
-        // beyond the last ones.
-        for (theta, bin, direction) in [(0.0, 0, DVec3::Y), (1.0, across * (down - 1), DVec3::NEG_Y)] {
-            let (values, peak) = (self.at([theta, 0.0]).map(|v| 2.0 * v.abs()), &mut peaks[bin]);
-            let height = (0..3).map(|c| values[c] * weights[c]).fold(0.0, f64::max);
-            (0..3).for_each(|c| peak.values[c] = peak.values[c].max(values[c]));
-            if height > peak.height {
-                (peak.height, peak.direction) = (height, direction);
-            }
-        }
         peaks
     }
 }
