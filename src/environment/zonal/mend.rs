@@ -119,7 +119,10 @@ impl Zonal<'_> {
             let (side, up) = direction.any_orthonormal_pair();
             [DVec3::ZERO, side, up, -side, -up].map(|offset| (direction + beside * offset).normalize())
         };
-        let measured: Vec<DVec3> = suspects.into_iter().flat_map(|(_, direction)| around(direction)).collect();
+        // (And at the poles, where grids are least sure of what is alike all round.)
+        let poles = [DVec3::Y, DVec3::NEG_Y];
+        let measured: Vec<DVec3> =
+            suspects.into_iter().flat_map(|(_, direction)| around(direction)).chain(poles).collect();
         let off = measured.par_iter().map(|&direction| self.error(&function, direction)).reduce(|| 0.0, f64::max);
         Weak { kernel, directions, off }
     }
