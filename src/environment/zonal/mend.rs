@@ -21,7 +21,7 @@ use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::Kernel;
 use crate::environment::peel::Peel;
 
-/// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.2 of the bound on some thousand random maps.
+/// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.2 of the bound on about a thousand random maps.
 const LOOK: f64 = 5e-4;
 /// What the last degrees may tell for what is left out to be little: it was at most as much as that on the same maps. And what it may be where it is
 /// measured in those directions in which it is likely to be most.
@@ -123,19 +123,19 @@ impl Zonal<'_> {
         let poles = [DVec3::Y, DVec3::NEG_Y];
         let measured: Vec<DVec3> =
             suspects.into_iter().flat_map(|(_, direction)| around(direction)).chain(poles).collect();
-        let off = measured.par_iter().map(|&direction| self.error(&function, direction)).reduce(|| 0.0, f64::max);
+        let off = measured.par_iter().flat_map_iter(|&direction| self.errors(&function, direction));
+        let off = off.reduce(|| 0.0, f64::max);
         Weak { kernel, directions, off }
     }
 
-    /// The largest error of a function in a direction, in parts of the value or of [`DARK_FLOOR`] of the mean.
-    fn error(&self, function: &Function, direction: DVec3) -> f64 {
+    /// The error of each channel of a function in a direction, in parts of the value or of [`DARK_FLOOR`] of the mean.
+    pub(super) fn errors(&self, function: &Function, direction: DVec3) -> [f64; 3] {
         let mean = self.panorama.mean();
         let (got, wanted) = (function.at(direction), self.exact.evaluate(direction, &function.kernel));
-        let of_channel = |c: usize| {
+        std::array::from_fn(|c| {
             let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
             if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }
-        };
-        (0..3).map(of_channel).fold(0.0, f64::max)
+        })
     }
 }
 

@@ -329,22 +329,11 @@ impl Function<'_> {
     /// The difference from the full sum where it is likely to be largest (in directions that the last degrees point at, too): root mean square and maximum, relative to the value
     /// or to [`super::DARK_FLOOR`] of the mean. `cube` holds this function.
     pub fn measure(&self, cube: &Cube) -> (f64, f64) {
-        let mean = self.zonal.panorama.mean();
         self.zonal.exact.prepare();
         let weak = self.zonal.weak.iter().filter(|weak| weak.kernel == self.kernel);
         let mut aims = aims(self.zonal.exact.sun(), &self.kernel, cube);
         aims.extend(weak.flat_map(|weak| &weak.directions));
-        let errors: Vec<f64> = aims
-            .par_iter()
-            .flat_map_iter(|&direction| {
-                let wanted = self.zonal.exact.evaluate(direction, &self.kernel);
-                let got = self.at(direction);
-                (0..3).map(move |c| {
-                    let scale = wanted[c].abs().max(super::DARK_FLOOR * mean[c].abs());
-                    if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }
-                })
-            })
-            .collect();
+        let errors: Vec<f64> = aims.par_iter().flat_map_iter(|&direction| self.zonal.errors(self, direction)).collect();
         let squares: f64 = errors.iter().map(|e| e * e).sum();
         ((squares / errors.len() as f64).sqrt(), errors.into_iter().fold(0.0, f64::max))
     }
