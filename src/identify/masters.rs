@@ -200,9 +200,10 @@ fn first(n_axes: usize) -> Vec<Row> {
             list.push(("dielectric.albedo_avg", vec![roughness(7), inside(9)], &[], plain));
         }
         _ => {
-            for eta in [outside(13), inside(13)] {
-                list.push(("dielectric.albedo", vec![mu(21), roughness(13), eta], &[], plain));
-            }
+            list.push(("dielectric.albedo", vec![mu(21), roughness(13), outside(13)], &[], plain));
+            // From inside, total reflection begins at a step wherever the index puts it, steep where facets are smooth.
+            let steep = axis(P::Mu, 33, Warp::Sqrt, None);
+            list.push(("dielectric.albedo", vec![steep, roughness(13), inside(33)], &[], plain));
             list.push(("eon.albedo", vec![mu(25), linear(P::Roughness, 9), linear(P::Rho, 9)], &[], plain));
             list.push(("compensation.none", vec![mu(17), roughness(9), linear(P::F0, 3)], &[], plain));
             for kd in [Kd::Fresnel, Kd::Albedo, Kd::Reciprocal] {

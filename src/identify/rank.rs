@@ -89,6 +89,7 @@ pub fn rank(
                 exact[c] = exact_among(near.clone(), data, judge)?;
                 // One dimension after the other may lead astray: of the nearest all are tried together.
                 near.sort_by(|a, b| a.1.total_cmp(&b.1));
+                near.dedup_by(|a, b| says(&a.0) == says(&b.0)); // several lead to the same
                 for i in 0..TRIED_EVERYWHERE.min(near.len()) {
                     if exact[c].is_empty() && near[i].0.relative(data) <= NEARLY_GOOD {
                         let tried = simple::everywhere(&near[i].0, data);
