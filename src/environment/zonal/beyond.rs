@@ -83,7 +83,7 @@ impl Beyond {
 }
 
 /// Σ λ_l f_lm Y_lm at the pole of cosine `y`, ±1, where all orders but 0 are nothing and Y_l0 is √((2l + 1)/4π), (−1)ˡ times that below.
-fn at_pole(coefficients: &Coefficients, eigenvalues: &[f64], y: f64) -> [f64; 3] {
+pub(super) fn at_pole(coefficients: &Coefficients, eigenvalues: &[f64], y: f64) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (l, (lambda, f)) in eigenvalues.iter().zip(&coefficients.orders[0]).enumerate().filter(|(_, (v, _))| **v != 0.0)
     {

@@ -5,13 +5,13 @@
 //! (`beyond`): where they say that something may show, it is measured against the full sum, in those very directions; and what is off is done again with
 //! more peeled texels and more degrees, and in the end by the full sum itself.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::PoisonError;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::beyond::{Beyond, Suspect};
+use super::beyond::{Beyond, Suspect, at_pole};
 use super::dark::BINS;
 use super::lanes::InstructionSet;
 use super::plan::{Plan, is_wide, lambdas, usual_degree};
@@ -20,6 +20,7 @@ use super::{Function, Part, Zonal, least_of};
 use crate::environment::DARK_FLOOR;
 use crate::environment::kernel::Kernel;
 use crate::environment::peel::Peel;
+use crate::math::quadrature::gauss_legendre;
 
 /// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.2 of the bound on about a thousand random maps.
 const LOOK: f64 = 5e-4;
@@ -61,7 +62,7 @@ impl Zonal<'_> {
     /// Takes more trouble with kernels that too much is left out of; those that nothing helps are to be summed over the texels.
     pub(super) fn mend(&mut self, survey: &Survey) {
         for effort in EFFORTS.iter().map(Some).chain([None]) {
-            self.weak = self.weakest();
+            self.weak = self.weakest(survey);
             let bad: Vec<&Weak> = self.weak.iter().filter(|weak| weak.off > ENOUGH).collect();
             let Some(worst) = bad.iter().map(|weak| weak.off).reduce(f64::max) else { return };
             let bad: Vec<Kernel> = bad.iter().map(|weak| weak.kernel).collect();
@@ -86,7 +87,7 @@ impl Zonal<'_> {
     }
 
     /// Where what is left out of each kernel may show; and how much it does, where the last degrees do not tell that it is little.
-    fn weakest(&self) -> Vec<Weak> {
+    fn weakest(&self, survey: &Survey) -> Vec<Weak> {
         let mean = self.panorama.mean();
         let of_part = |part: &Part| {
             let suspects = part.suspects(mean, self.instructions);
@@ -94,7 +95,46 @@ impl Zonal<'_> {
             kernels.zip(suspects).filter(|(_, suspects)| !suspects.is_empty()).collect::<Vec<_>>()
         };
         let suspects: Vec<(Kernel, Vec<Suspect>)> = self.parts.iter().flat_map(of_part).collect();
-        suspects.into_iter().map(|(kernel, suspects)| self.weak(kernel, &suspects)).collect()
+        let mut weak: Vec<Weak> = suspects.into_iter().map(|(kernel, suspects)| self.weak(kernel, &suspects)).collect();
+        let plans = self.parts.iter().flat_map(|part| part.plans.iter().map(move |plan| (part, plan)));
+        for (part, plan) in plans.filter(|(_, plan)| plan.split.is_none()) {
+            let off = self.off_at_poles(part, plan, survey);
+            match weak.iter_mut().find(|weak| weak.kernel == plan.kernel) {
+                Some(weak) => weak.off = weak.off.max(off),
+                None if off > ENOUGH => weak.push(Weak { kernel: plan.kernel, directions: vec![], off }),
+                None => {}
+            }
+        }
+        weak
+    }
+
+    /// The error at the poles, in parts of the value or of [`DARK_FLOOR`] of the mean. It is known without rings and without a full sum: the filter has
+    /// only order 0 there, and the truth is a sum over rows. A map whose upper half is dark is off most just there.
+    fn off_at_poles(&self, part: &Part, plan: &Plan, survey: &Survey) -> f64 {
+        let (mean, [low, high]) = (self.panorama.mean(), self.range);
+        let weights = row_weights(&plan.kernel, self.panorama.height());
+        let exact_across = part.bright.exact_across(&plan.kernel, mean.map(|mean| plan.darkest * mean));
+        let width = self.panorama.width() as f64;
+        let mut off = 0.0f64;
+        for (pole, y) in [1.0, -1.0].into_iter().enumerate() {
+            let mut wanted = [0.0; 3];
+            for (i, weight) in weights.iter().enumerate() {
+                let row = &survey.rows[if y > 0.0 { i } else { weights.len() - 1 - i }];
+                (0..3).for_each(|c| wanted[c] += weight * (row.moments[0][c] / width + low[c]));
+            }
+            let own = at_pole(&part.coefficients, &plan.eigenvalues, y);
+            let tail =
+                part.tail.as_ref().zip(plan.share.as_ref()).map(|(tail, share)| (tail.poles[pole], share.factor));
+            let (tail, factor) = tail.unwrap_or_default();
+            let mut got = [std::array::from_fn(|c| own[c] + factor * tail[c])];
+            part.bright.add(&[DVec3::Y * y], (&plan.kernel, exact_across), &self.exact, &mut got);
+            for c in 0..3 {
+                let got = (part.mean[c] + got[0][c]).clamp(low[c], high[c]);
+                let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
+                off = off.max(if got == wanted[c] { 0.0 } else { (got - wanted[c]).abs() / scale });
+            }
+        }
+        off
     }
 
     fn weak(&self, kernel: Kernel, suspects: &[Suspect]) -> Weak {
@@ -137,6 +177,27 @@ impl Zonal<'_> {
             if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }
         })
     }
+}
+
+/// ∫ K over each row of a map, R being the pole above.
+fn row_weights(kernel: &Kernel, height: usize) -> Vec<f64> {
+    /// Radians that the rule holds any kernel over that harmonics do.
+    const PANEL: f64 = 0.01;
+    let rule = gauss_legendre(8);
+    let of_row = |row: usize| {
+        let [top, bottom] = [row, row + 1].map(|r| (PI * r as f64 / height as f64).min(FRAC_PI_2));
+        let n = ((bottom - top) / PANEL).ceil();
+        let length = (bottom - top) / n;
+        let panel = |i: usize| {
+            length
+                * rule.integrate(|t| {
+                    let theta = top + (i as f64 + t) * length;
+                    2.0 * PI * theta.sin() * kernel.eval(2.0 * (0.5 * theta).sin().powi(2))
+                })
+        };
+        (0..n as usize).map(panel).sum()
+    };
+    (0..height).map(|row| if 2 * row < height { of_row(row) } else { 0.0 }).collect()
 }
 
 impl Part {

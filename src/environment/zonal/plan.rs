@@ -255,7 +255,7 @@ impl Plan {
                 all * sixth_root(share.own).max(share.behind.sqrt())
             }
             _ if !is_wide(&self.kernel) || self.split.is_some() => 1.2,
-            (None, bound) if bound < 1e-4 => 0.5,
+            (None, bound) if bound < 2e-5 => 0.5,
             (None, bound) if bound < 1e-3 => 0.7,
             _ => 1.0,
         };

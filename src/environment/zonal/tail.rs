@@ -10,7 +10,7 @@
 
 use super::InstructionSet;
 use super::analysis::{Rows, Texels, analyse};
-use super::beyond::Beyond;
+use super::beyond::{Beyond, at_pole};
 use super::fft::Fft;
 use super::legendre::Degrees;
 use super::nodes::Nodes;
@@ -30,6 +30,8 @@ pub(super) struct Tail {
     pub behind: usize,
     /// What it leaves out.
     pub beyond: Beyond,
+    /// Its values at the poles, above and below.
+    pub poles: [[f64; 3]; 2],
     /// Σ |f_lm|² of each degree and channel.
     powers: Vec<[f64; 3]>,
 }
@@ -55,7 +57,8 @@ impl Tail {
         let grid = [rings as usize, Fft::fast_length((1.8 * rings) as usize)];
         let rings = Rings::of_even(&coefficients, (&eigenvalues, behind), grid, instructions);
         let beyond = Beyond::new(&coefficients, (&eigenvalues, false), mean, instructions);
-        Self { rings, eigenvalues, behind, beyond, powers: coefficients.powers() }
+        let poles = [1.0, -1.0].map(|y| at_pole(&coefficients, &eigenvalues, y));
+        Self { rings, eigenvalues, behind, beyond, poles, powers: coefficients.powers() }
     }
 
     pub fn degree(&self) -> usize {
