@@ -77,9 +77,8 @@ impl Peel {
 
     /// At most `most` texels that each hold at least this part of the panorama's light in some channel, beyond its darkest texel: lamps
     /// that fill a block are taken off too.
-    pub(super) fn thoroughly(panorama: &Panorama, least_share: f64, most: usize) -> Self {
-        let wanted = Wanted { of_block: 0.0, of_all: least_share, is_thorough: true };
-        Self::take(panorama, &Brightest::new(panorama), wanted, most)
+    pub(super) fn thoroughly(panorama: &Panorama, brightest: &Brightest, least_share: f64, most: usize) -> Self {
+        Self::take(panorama, brightest, Wanted { of_block: 0.0, of_all: least_share, is_thorough: true }, most)
     }
 
     fn take(panorama: &Panorama, brightest: &Brightest, wanted: Wanted, most: usize) -> Self {

@@ -9,7 +9,8 @@
 //! **Confidence** rests on two ratios. A table is *certain* to be what it is taken for when what is left is what rounding to the file's
 //! format leaves (at most twice that) and anything else would leave at least three times as much; *likely* when a thirtieth of its
 //! variation is left at most, and anything else leaves half as much again, or has texels rounded wrongly where the best has none; *possible*
-//! when a tenth is left, whatever else may be. Otherwise it is unknown.
+//! when a tenth is left, whatever else may be, or more than that where a channel of few levels is, over the axes of a channel that is known, the
+//! correct rounding in every texel. Otherwise it is unknown.
 //!
 //! Families that few tables are of are asked only of what the others do not explain, and named only where they come as near as rounding, or
 //! are likely: so they neither cost nor confuse where they are not met.

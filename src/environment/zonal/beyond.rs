@@ -50,15 +50,13 @@ impl Beyond {
             true => Rings::new(coefficients, &eigenvalues, [0.0; 3], grid, instructions),
         };
         let weights = mean.map(|mean| if mean > 0.0 { 1.0 / mean } else { 0.0 });
-        let mut peaks = rings.peaks(BINS, weights);
+        let mut peaks = rings.peaks(weights);
         // The poles themselves lie between rings. What is alike all round adds up there: terms like l⁻² instead of l⁻³, of which twice as much is left
         // beyond the last ones.
         for (bin, pole) in [(0, DVec3::Y), (BINS[0] * (BINS[1] - 1), DVec3::NEG_Y)] {
-            let (values, peak) = (at_pole(coefficients, &eigenvalues, pole.y).map(|v| 2.0 * v.abs()), &mut peaks[bin]);
-            let height = (0..3).map(|c| values[c] * weights[c]).fold(0.0, f64::max);
-            (0..3).for_each(|c| peak.values[c] = peak.values[c].max(values[c]));
-            if height > peak.height {
-                (peak.height, peak.direction) = (height, pole);
+            let values = at_pole(coefficients, &eigenvalues, pole.y).map(|v| 2.0 * v.abs());
+            if peaks[bin].rises_to(values, weights) {
+                peaks[bin].direction = pole;
             }
         }
         Self { eigenvalues, peaks }

@@ -81,7 +81,7 @@ impl Zonal<'_> {
             };
             let plans: Vec<Plan> = again.into_iter().filter_map(fresh).collect();
             let least = effort.share * GOOD / worst * least_of(&plans, effort.times, height);
-            let peel = Peel::thoroughly(self.panorama, least, effort.most);
+            let peel = Peel::thoroughly(self.panorama, &survey.brightest, least, effort.most);
             self.parts.push(Part::patient(self.panorama, survey, plans, (peel, effort.times), self.instructions));
         }
     }
@@ -97,11 +97,13 @@ impl Zonal<'_> {
         let suspects: Vec<(Kernel, Vec<Suspect>)> = self.parts.iter().flat_map(of_part).collect();
         let mut weak: Vec<Weak> = suspects.into_iter().map(|(kernel, suspects)| self.weak(kernel, &suspects)).collect();
         let plans = self.parts.iter().flat_map(|part| part.plans.iter().map(move |plan| (part, plan)));
-        for (part, plan) in plans.filter(|(_, plan)| plan.split.is_none()) {
-            let off = self.off_at_poles(part, plan, survey);
-            match weak.iter_mut().find(|weak| weak.kernel == plan.kernel) {
+        let whole: Vec<(&Part, &Plan)> = plans.filter(|(_, plan)| plan.split.is_none()).collect();
+        let at_poles = |&(part, plan): &(&Part, &Plan)| (plan.kernel, self.off_at_poles(part, plan, survey));
+        let at_poles: Vec<(Kernel, f64)> = whole.par_iter().with_max_len(1).map(at_poles).collect();
+        for (kernel, off) in at_poles {
+            match weak.iter_mut().find(|weak| weak.kernel == kernel) {
                 Some(weak) => weak.off = weak.off.max(off),
-                None if off > ENOUGH => weak.push(Weak { kernel: plan.kernel, directions: vec![], off }),
+                None if off > ENOUGH => weak.push(Weak { kernel, directions: vec![], off }),
                 None => {}
             }
         }
@@ -113,7 +115,7 @@ impl Zonal<'_> {
     fn off_at_poles(&self, part: &Part, plan: &Plan, survey: &Survey) -> f64 {
         let (mean, [low, high]) = (self.panorama.mean(), self.range);
         let weights = row_weights(&plan.kernel, self.panorama.height());
-        let exact_across = part.bright.exact_across(&plan.kernel, mean.map(|mean| plan.darkest * mean));
+        let exact_across = part.exact_across(plan, mean);
         let width = self.panorama.width() as f64;
         let mut off = 0.0f64;
         for (pole, y) in [1.0, -1.0].into_iter().enumerate() {
@@ -128,11 +130,8 @@ impl Zonal<'_> {
             let (tail, factor) = tail.unwrap_or_default();
             let mut got = [std::array::from_fn(|c| own[c] + factor * tail[c])];
             part.bright.add(&[DVec3::Y * y], (&plan.kernel, exact_across), &self.exact, &mut got);
-            for c in 0..3 {
-                let got = (part.mean[c] + got[0][c]).clamp(low[c], high[c]);
-                let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
-                off = off.max(if got == wanted[c] { 0.0 } else { (got - wanted[c]).abs() / scale });
-            }
+            let got = std::array::from_fn(|c| (part.mean[c] + got[0][c]).clamp(low[c], high[c]));
+            off = self.relative(got, wanted).into_iter().fold(off, f64::max);
         }
         off
     }
@@ -170,8 +169,11 @@ impl Zonal<'_> {
 
     /// The error of each channel of a function in a direction, in parts of the value or of [`DARK_FLOOR`] of the mean.
     pub(super) fn errors(&self, function: &Function, direction: DVec3) -> [f64; 3] {
+        self.relative(function.at(direction), self.exact.evaluate(direction, &function.kernel))
+    }
+
+    fn relative(&self, got: [f64; 3], wanted: [f64; 3]) -> [f64; 3] {
         let mean = self.panorama.mean();
-        let (got, wanted) = (function.at(direction), self.exact.evaluate(direction, &function.kernel));
         std::array::from_fn(|c| {
             let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
             if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }

@@ -175,7 +175,7 @@ impl<'a> Zonal<'a> {
         };
         let mean = self.panorama.mean();
         let truncation = part.truncation(plan, mean);
-        let exact_across = part.bright.exact_across(kernel, mean.map(|mean| plan.darkest * mean));
+        let exact_across = part.exact_across(plan, mean);
         let grid = plan.grid(truncation);
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let known = last().iter().find(|(of, _)| of == kernel).map(|(_, rings)| rings.clone());
@@ -439,6 +439,12 @@ impl Part {
         Self { plans, bright, mean, norm2, share, coefficients, powers, tail: None, near }
     }
 
+    /// How many of the brightest texels a plan wants exact across its horizon, given the map's mean.
+    fn exact_across(&self, plan: &Plan, mean: [f64; 3]) -> usize {
+        let darkest = plan.dark.darkest();
+        self.bright.exact_across(&plan.kernel, mean.map(|mean| darkest * mean))
+    }
+
     /// What truncation changes of a plan's function at most, relative to the darkest output, given the map's mean.
     fn truncation(&self, plan: &Plan, mean: [f64; 3]) -> f64 {
         plan.truncation(self.share, mean, self.norm2, &self.powers, self.tail.as_ref())
@@ -470,7 +476,8 @@ fn parts(
     if !wide.is_empty() {
         let mut peel = peel_for(panorama, survey, &wide);
         if peel.len() > MANY {
-            let lamps = Peel::thoroughly(panorama, LAMPS * least_of(&wide, 1, panorama.height()), MOST_PEELED[0]);
+            let least = LAMPS * least_of(&wide, 1, panorama.height());
+            let lamps = Peel::thoroughly(panorama, &survey.brightest, least, MOST_PEELED[0]);
             // (A part of a lamp is no smoother than all of it.)
             peel = if lamps.len() < MOST_PEELED[0] { lamps } else { peel };
         }
@@ -497,7 +504,7 @@ fn least_share(plan: &Plan, times: usize, height: usize) -> f64 {
     let degree = plan.degree().max(times * usual_degree(&plan.kernel)) as f64;
     let cell = 1.0 + (height as f64 / degree).powi(2);
     let resolved = (0.5 * PI * degree / height as f64).max(1.0);
-    1e-4 * plan.darkest * 5.0 * degree * resolved / (slope * 4.0 * PI * cell)
+    1e-4 * plan.dark.darkest() * 5.0 * degree * resolved / (slope * 4.0 * PI * cell)
 }
 
 /// A panorama without what was peeled off, and without its mean.

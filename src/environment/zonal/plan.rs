@@ -67,8 +67,6 @@ pub(super) struct Plan {
     pub remainder_norm: f64,
     /// How dark outputs were reckoned with.
     pub dark: Dark,
-    /// The darkest of them, in parts of the mean.
-    pub darkest: f64,
 }
 
 /// What a kernel takes of the tail that kernels share.
@@ -140,7 +138,6 @@ impl Plan {
             share: None,
             remainder_norm,
             dark,
-            darkest,
         })
     }
 
@@ -179,7 +176,6 @@ impl Plan {
             share: None,
             remainder_norm,
             dark,
-            darkest,
         }
     }
 
@@ -228,7 +224,7 @@ impl Plan {
         let of_tail =
             |l: usize| if Degrees::EvenAbove(tail.behind).contains(l) { factor * tail.eigenvalues[l] } else { 0.0 };
         let all: Vec<f64> = (0..=last).map(|l| if l <= own { self.eigenvalues[l] } else { of_tail(l) }).collect();
-        let floor = self.darkest / (4.0 * PI);
+        let floor = self.dark.darkest() / (4.0 * PI);
         self.any_map = Remainder::new([&value; 2], kernel.width(), PI, floor).relative(&all, last, instructions)[0];
         let off = sum(&|l| (lambda[l] - of_tail(l)).powi(2)).sqrt();
         self.remainder_norm = (self.remainder_norm.powi(2) - sum(&|l| lambda[l].powi(2))).max(0.0).sqrt();
@@ -293,7 +289,7 @@ impl Plan {
             let held: f64 = powers.iter().take(self.degree() + 1).map(|power| power[c]).sum();
             let rest = (norm2[c] - held - of_tail).max(1e-14 * norm2[c]);
             let most = self.remainder_norm * rest.sqrt() + off * of_tail.sqrt();
-            this_map = this_map.max(most / (self.darkest * mean[c]));
+            this_map = this_map.max(most / (self.dark.darkest() * mean[c]));
         }
         this_map.min(2.0 * self.any_map * share.max(1e-3))
     }

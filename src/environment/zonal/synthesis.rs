@@ -6,6 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::analysis::{Coefficients, PARTS};
+use super::dark::{BINS, bin_row};
 use super::fft::{Complex, Fft};
 use super::lanes::{InstructionSet, LANES, V, ZERO, add, scale, scale_add, sub};
 use super::legendre::{CHUNK, Degrees, Order, Places, Walk, negligible, sectoral_norms};
@@ -199,24 +200,21 @@ impl Rings {
         (strip, row * (self.columns + 2 * MARGIN) + MARGIN, is_turned)
     }
 
-    /// The largest values in each of `across` × `down` bins, of equal parts of a turn and of the height; the channels are compared by their
-    /// products with `weights`.
-    pub fn peaks(&self, [across, down]: [usize; 2], weights: [f64; 3]) -> Vec<Peak> {
-        let mut peaks = vec![Peak::default(); across * down];
+    /// The largest values in each of [`BINS`]; the channels are compared by their products with `weights`.
+    pub fn peaks(&self, weights: [f64; 3]) -> Vec<Peak> {
+        let across = BINS[0];
+        let mut peaks = vec![Peak::default(); across * BINS[1]];
         for ring in 0..self.rings {
             let (sin, y) = libm::sincos(PI * (ring as f64 + 0.5) / self.rings as f64);
-            let row = ((0.5 * (1.0 - y) * down as f64) as usize).min(down - 1);
             let (strip, first, is_turned) = self.ring(ring);
             let line = &self.strips[strip][first..first + self.columns];
-            for (bin, peak) in peaks[row * across..][..across].iter_mut().enumerate() {
+            for (bin, peak) in peaks[bin_row(y) * across..][..across].iter_mut().enumerate() {
                 let mut at = None;
                 for column in bin * self.columns / across..(bin + 1) * self.columns / across {
                     let texel = line[if is_turned { self.within(column + self.columns / 2) } else { column }];
                     let values: [f64; 3] = std::array::from_fn(|c| f64::from((texel[c] - self.base[c]).abs()));
-                    (0..3).for_each(|c| peak.values[c] = peak.values[c].max(values[c]));
-                    let height = (0..3).map(|c| values[c] * weights[c]).fold(0.0, f64::max);
-                    if height > peak.height {
-                        (peak.height, at) = (height, Some(column));
+                    if peak.rises_to(values, weights) {
+                        at = Some(column);
                     }
                 }
                 if let Some(column) = at {
@@ -237,6 +235,17 @@ pub(super) struct Peak {
     /// The largest of all, weighted, and where it is.
     pub height: f64,
     pub direction: DVec3,
+}
+
+impl Peak {
+    /// Takes what is larger of some values; whether they are higher than all before.
+    pub fn rises_to(&mut self, values: [f64; 3], weights: [f64; 3]) -> bool {
+        (0..3).for_each(|c| self.values[c] = self.values[c].max(values[c]));
+        let height = (0..3).map(|c| values[c] * weights[c]).fold(0.0, f64::max);
+        let is_higher = height > self.height;
+        self.height = self.height.max(height);
+        is_higher
+    }
 }
 
 /// The whole part of a position, and the rest.
