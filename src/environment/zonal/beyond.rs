@@ -4,6 +4,10 @@
 //! Both are seen in the last degrees, which show the same horizons, only less sharply: they are summed on a grid, and what is largest in each bin
 //! of directions is held against the darkest output there. Even degrees are a (c)₊'s, odd ones those of b (c)₊²: the same for all kernels
 //! but for a factor each.
+//!
+//! How much more follows is told by how much the degrees before them had been: the sums over degrees from q² L, q L and L on to 1/q times as many are
+//! a geometric series, of the ratio q along the horizon of a light that is small to the degrees (whose terms fall like l⁻²) and q² along that of a
+//! light that is not.
 
 use std::f64::consts::PI;
 
@@ -15,51 +19,47 @@ use super::fft::Fft;
 use super::lanes::InstructionSet;
 use super::synthesis::{Peak, Rings};
 
-/// The last degrees begin at this part of the last one.
+/// The last degrees begin at this part of the last one, and those before them at this part of that.
 const LAST: f64 = 0.7;
+
+/// What follows is at most so many times the last degrees: terms do not fall more slowly than like l⁻². And it is counted as at least so much, as what was
+/// large before may have been somewhere else.
+const MOST_TO_COME: f64 = LAST / (1.0 - LAST);
+const LEAST_TO_COME: f64 = 1.0;
 
 /// Rings that they are looked at, at most.
 const MOST_RINGS: usize = 640;
 
-/// The last degrees of a map.
+/// What is left out of a map.
 #[derive(Debug)]
 pub(super) struct Beyond {
-    /// λ_l that they were summed with, nothing where they were not.
+    /// λ_l that the last degrees were summed with, nothing where they were not.
     eigenvalues: Vec<f64>,
     /// The largest values in each bin.
     peaks: Vec<Peak>,
 }
 
 impl Beyond {
-    /// Of the last even degrees, or odd ones, up to the last that λ_l are given of; `mean` is the map's.
+    /// Beyond the last even degrees, or odd ones, up to the last that λ_l are given of; `mean` is the map's.
     pub fn new(
         coefficients: &Coefficients,
         (lambda, is_odd): (&[f64], bool),
         mean: [f64; 3],
         instructions: InstructionSet,
     ) -> Self {
-        let degree = lambda.len() - 1;
-        let behind = (LAST * degree as f64) as usize;
-        let is_meant = |l: usize| l > behind && (l % 2 == 1) == is_odd;
-        let eigenvalues: Vec<f64> = (0..).zip(lambda).map(|(l, &v)| if is_meant(l) { v } else { 0.0 }).collect();
-        // (Horizons are lines: even a grid that is too coarse for the degrees meets them.)
-        let rings = degree.clamp(16, MOST_RINGS);
-        let grid = [rings, Fft::fast_length(9 * rings / 5).max(32)];
-        let rings = match is_odd {
-            false => Rings::of_even(coefficients, (&eigenvalues, behind), grid, instructions),
-            true => Rings::new(coefficients, &eigenvalues, [0.0; 3], grid, instructions),
-        };
         let weights = mean.map(|mean| if mean > 0.0 { 1.0 / mean } else { 0.0 });
-        let mut peaks = rings.peaks(weights);
-        // The poles themselves lie between rings. What is alike all round adds up there: terms like l⁻² instead of l⁻³, of which twice as much is left
-        // beyond the last ones.
-        for (bin, pole) in [(0, DVec3::Y), (BINS[0] * (BINS[1] - 1), DVec3::NEG_Y)] {
-            let values = at_pole(coefficients, &eigenvalues, pole.y).map(|v| 2.0 * v.abs());
-            if peaks[bin].rises_to(values, weights) {
-                peaks[bin].direction = pole;
-            }
+        let degree = lambda.len() - 1;
+        let from = |part: f64| (part * degree as f64) as usize;
+        let window =
+            |lambda: &[f64], behind| Window::new(coefficients, (lambda, is_odd, behind), weights, instructions);
+        let last = window(lambda, from(LAST));
+        let before = window(&lambda[..=from(LAST)], from(LAST * LAST));
+        let mut peaks = last.peaks;
+        for (peak, before) in peaks.iter_mut().zip(&before.peaks) {
+            peak.values = std::array::from_fn(|c| to_come(before.values[c], peak.values[c]));
+            peak.height = (0..3).map(|c| peak.values[c] * weights[c]).fold(0.0, f64::max);
         }
-        Self { eigenvalues, peaks }
+        Self { eigenvalues: last.eigenvalues, peaks }
     }
 
     /// How many times these λ_l a kernel's are.
@@ -77,6 +77,49 @@ impl Beyond {
             }
             (0..3).for_each(|c| suspect.left_out[c] += factor.abs() * peak.values[c]);
         }
+    }
+}
+
+/// What follows two sums of a geometric series, largest values each.
+fn to_come(before: f64, last: f64) -> f64 {
+    let times = 1.0 / (before / last - 1.0);
+    if times > 0.0 { last * times.clamp(LEAST_TO_COME, MOST_TO_COME) } else { last * MOST_TO_COME }
+}
+
+/// What some degrees of a map come to.
+struct Window {
+    /// λ_l that they were summed with, nothing where they were not.
+    eigenvalues: Vec<f64>,
+    /// The largest values in each bin.
+    peaks: Vec<Peak>,
+}
+
+impl Window {
+    /// Of the even degrees, or odd ones, behind one up to the last that λ_l are given of.
+    fn new(
+        coefficients: &Coefficients,
+        (lambda, is_odd, behind): (&[f64], bool, usize),
+        weights: [f64; 3],
+        instructions: InstructionSet,
+    ) -> Self {
+        let is_meant = |l: usize| l > behind && (l % 2 == 1) == is_odd;
+        let eigenvalues: Vec<f64> = (0..).zip(lambda).map(|(l, &v)| if is_meant(l) { v } else { 0.0 }).collect();
+        // (Horizons are lines: even a grid that is too coarse for the degrees meets them.)
+        let rings = (lambda.len() - 1).clamp(16, MOST_RINGS);
+        let grid = [rings, Fft::fast_length(9 * rings / 5).max(32)];
+        let rings = match is_odd {
+            false => Rings::of_even(coefficients, (&eigenvalues, behind), grid, instructions),
+            true => Rings::new(coefficients, &eigenvalues, [0.0; 3], grid, instructions),
+        };
+        let mut peaks = rings.peaks(weights);
+        // (The poles themselves lie between rings.)
+        for (bin, pole) in [(0, DVec3::Y), (BINS[0] * (BINS[1] - 1), DVec3::NEG_Y)] {
+            let values = at_pole(coefficients, &eigenvalues, pole.y).map(f64::abs);
+            if peaks[bin].rises_to(values, weights) {
+                peaks[bin].direction = pole;
+            }
+        }
+        Self { eigenvalues, peaks }
     }
 }
 
@@ -112,6 +155,19 @@ mod tests {
     use super::*;
     use crate::environment::kernel::Kernel;
     use crate::environment::test_maps::random;
+
+    #[test]
+    fn a_series_is_continued() {
+        let sum = |from: f64, power: i32| {
+            (from as usize..(from / LAST) as usize).map(|l| (l as f64).powi(-power)).sum::<f64>()
+        };
+        for power in [2, 3] {
+            let all: f64 = (10000..1_000_000).map(|l| f64::from(l).powi(-power)).sum();
+            let told = to_come(sum(4900.0, power), sum(7000.0, power));
+            assert!((0.97..1.15).contains(&(told / all)), "l^-{power}: {told} wanted {all}");
+        }
+        assert_eq!(to_come(0.0, 0.0), 0.0);
+    }
 
     #[test]
     fn the_poles_have_the_values_that_rings_are_interpolated_to() {
