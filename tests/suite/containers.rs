@@ -511,7 +511,8 @@ fn the_irradiance_of_a_white_furnace_is_one_in_every_convention() {
 
 fn conversion(format: &str) -> Conversion {
     let format = format.parse().unwrap();
-    Conversion { format, from: None, shape: Shape::Keep, level: None, channels: None, clamp: false, name: None }
+    let (layer, level, channels, name) = (None, None, None, None);
+    Conversion { format, from: None, shape: Shape::Keep, layer, level, channels, clamp: false, name }
 }
 
 fn converted(bytes: &[u8], conversion: &Conversion) -> kiln::Result<(Vec<u8>, kiln::convert::Report)> {
@@ -617,6 +618,52 @@ fn what_stays_packed_as_it_is_is_copied_from_container_to_container() {
         assert_eq!(alone, start.levels[1..2], "{format}");
         let (_, floats) = converted(&bytes, &second("ktx2:rgb32f")).unwrap();
         assert_eq!((floats.max_error, floats.format.as_str()), (0.0, "rgb32f"));
+    }
+}
+
+/// Several cubes in one texture go round by all containers that have such, and each comes out of it alone.
+#[test]
+fn arrays_of_cubes_go_round_and_a_layer_comes_out_alone() {
+    let cubes = [1.0, 2.0].map(|factor: f32| {
+        let one = texture("cube", "rgba16f".parse().unwrap());
+        let mut cube = Texture { levels: vec![], ..one.clone() };
+        for level in 0..one.levels.len() {
+            let values: Vec<f32> = one.values(level).iter().map(|v| v * factor).collect();
+            cube.push_level(&values).unwrap();
+        }
+        cube
+    });
+    let levels = cubes[0].levels.iter().zip(&cubes[1].levels).map(|(a, b)| [&a[..], b].concat()).collect();
+    let array = Texture { array_layers: 2, levels, ..cubes[0].clone() };
+    let mut bytes = ktx2::encode(&array).unwrap();
+    for name in ["dds:rgba16f", "ktx1:rgba16f", "ktx2:rgba16f+zstd", "ktx2:rgba16f"] {
+        let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(report.max_error, 0.0, "{name}");
+        bytes = next;
+    }
+    let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+    assert_eq!((back.array_layers, &back.levels), (2, &array.levels));
+    let alone = |layer| converted(&bytes, &Conversion { layer: Some(layer), ..conversion("dds:rgba16f") });
+    for (layer, cube) in cubes.iter().enumerate() {
+        let Decoded::Texture(one) = format::decode(&alone(layer).unwrap().0).unwrap() else { panic!("a texture") };
+        assert_eq!((one.array_layers, one.faces, &one.levels), (0, 6, &cube.levels), "layer {layer}");
+    }
+    let beyond = alone(2).unwrap_err().to_string();
+    assert!(beyond.contains("layer 2 of a cube of") && beyond.contains("--layer 0 to 1"), "{beyond}");
+}
+
+/// A container without three channels of those numbers has four of them: nothing is rounded.
+#[test]
+fn the_usual_format_has_the_same_numbers_where_the_container_has_them() {
+    for (from, to, wanted) in [
+        ("rgb16unorm", Container::Dds, "dds:rgba16unorm"),
+        ("rgb8unorm", Container::Dds, "dds:rgba8unorm"),
+        ("rgb16f", Container::Dds, "dds:rgba16f"),
+        ("rg16unorm", Container::Png, "png:rgb16unorm"),
+        ("rgb16unorm", Container::Ktx1, "ktx1:rgb16unorm"),
+    ] {
+        let decoded = Decoded::Texture(texture("flat", from.parse().unwrap()));
+        assert_eq!(usual_format(to, &decoded).unwrap().to_string(), wanted, "{from}");
     }
 }
 
