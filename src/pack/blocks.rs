@@ -63,7 +63,8 @@ pub(super) fn pack<T: Copy + Into<f64>>(
     (blocks, report)
 }
 
-/// The largest error of decoded texels, and the largest in parts of the brightest value of its block.
+/// The largest error of decoded texels, and the largest in parts of the brightest value of its block or of the value itself, whichever is larger:
+/// that is 1 at most, for neither is below zero.
 fn errors([width, height]: [usize; 2], given: &[[f64; 3]], fitted: &[[f64; 3]], decoded: &[f32]) -> (f64, f64) {
     let brightest = brightest(width, height, decoded);
     let (mut most, mut most_in_block) = (0.0_f64, 0.0_f64);
@@ -75,7 +76,7 @@ fn errors([width, height]: [usize; 2], given: &[[f64; 3]], fitted: &[[f64; 3]], 
                 let off = (f64::from(decoded[c]) - given[c]).abs();
                 most = most.max(off);
                 if off > 0.0 {
-                    most_in_block = most_in_block.max(off / brightest);
+                    most_in_block = most_in_block.max(off / brightest.max(given[c]));
                 }
             }
         }
