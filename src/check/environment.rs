@@ -220,21 +220,23 @@ impl EnvironmentValues<'_> {
         texel / (width * height) * per_face + blocks::block_of(width, texel % (width * height))
     }
 
-    /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
-    fn mean_packing(&self, level: &CubeLevel) -> f64 {
-        let Some(format) = self.precision.format().filter(|format| !format.is_signed()) else { return 0.0 };
+    /// What packing may change the mean over the sphere by, of each channel: nothing to speak of where values keep ten bits of their own.
+    fn mean_packing(&self, level: &CubeLevel) -> [f64; 3] {
+        const TEN_BITS: f64 = 1.0 / 1024.0;
+        let Some(format) = self.precision.format() else { return [0.0; 3] };
         let blocks = self.brightest_of_blocks(level);
-        let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
-        for (i, texel) in level.texels.iter().enumerate() {
+        let room = |(i, texel): (usize, &[f32; 3])| {
             let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
             let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[self.block(level, i)]);
-            for c in 0..3 {
+            [0, 1, 2].map(|c| {
                 let value = f64::from(texel[c]).min(format.largest(c));
-                room[c] += self.precision.tolerance_in(c, value, brightest);
-                sum[c] += value;
-            }
-        }
-        (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
+                let room = self.precision.tolerance_in(c, value, brightest);
+                let kept = if format.is_signed() { TEN_BITS * value.abs() } else { 0.0 };
+                (room - kept).max(0.0) as f32
+            })
+        };
+        let texels = level.texels.iter().enumerate().map(room).collect();
+        SphereMap { layout: self.layout, size: level.size, texels }.mean()
     }
 
     /// Whether packing brought values of the level to the largest that there is: then their light is gone, which is counted and warned of, and
@@ -377,19 +379,22 @@ fn resolved(layout: SphereLayout) -> f64 {
 /// Centres of texels that resolve the kernel sum to the flux of a lone sun within 2e-3; this leaves room for packing.
 const TEXEL_SUM: f64 = 4e-3;
 
-/// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(map: &SphereMap, level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
+/// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out. Of a channel that is black
+/// everywhere the mean is compared as it is.
+fn mean_check(map: &SphereMap, level: &CubeLevel, panorama: &Panorama, packing: [f64; 3]) -> Check {
     let (found, wanted) = (map.mean(), panorama.mean());
-    let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
-    let figure = (0..3).map(off).map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max);
+    let of_channel = |c: usize| {
+        let is_black = wanted[c] == 0.0;
+        let (scale, relative) =
+            if is_black { (1.0, 0.0) } else { (wanted[c].abs(), TEXEL_SUM + SIGMAS * level.rms_error) };
+        let off = (found[c] - wanted[c]).abs() / scale;
+        let figure = if off.is_nan() { f64::INFINITY } else { off };
+        Deviation { place: (0, c), figure, limit: relative + packing[c] / scale }
+    };
+    let worst = of_channel(0).or_worse(of_channel(1)).or_worse(of_channel(2));
     let detail = "largest of the channels, texels weighted by solid angle";
-    Check::at_most(
-        "mean over the sphere against the input's, relative",
-        &level.name,
-        figure,
-        TEXEL_SUM + SIGMAS * level.rms_error + packing,
-        detail,
-    )
+    let name = "mean over the sphere against the input's, relative";
+    Check::at_most(name, &level.name, worst.figure, worst.limit, detail)
 }
 
 fn all(level: &CubeLevel) -> Vec<usize> {

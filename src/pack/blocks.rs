@@ -71,13 +71,13 @@ fn errors([width, height]: [usize; 2], given: &[[f64; 3]], fitted: &[[f64; 3]], 
     for (i, ((given, fitted), decoded)) in given.iter().zip(fitted).zip(decoded.chunks_exact(3)).enumerate() {
         let brightest = brightest[block_of(width, i)];
         for c in 0..3 {
-            // What was clamped is counted instead.
+            // What was clamped is counted instead, and of a block there is left what it may be off by from the largest or from 0.
+            let off = (f64::from(decoded[c]) - fitted[c]).abs();
             if given[c] == fitted[c] {
-                let off = (f64::from(decoded[c]) - given[c]).abs();
                 most = most.max(off);
-                if off > 0.0 {
-                    most_in_block = most_in_block.max(off / brightest.max(given[c]));
-                }
+            }
+            if off > 0.0 {
+                most_in_block = most_in_block.max(off / brightest.max(fitted[c]));
             }
         }
     }

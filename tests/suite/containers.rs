@@ -413,12 +413,7 @@ fn maps_too_bright_for_their_format_are_baked_and_verified() {
     let (panorama, _) = Texture::flat(TexelFormat::Rgbe, 32, 16, &values).unwrap();
     let input = file(&folder, "bright.hdr", &hdr::encode(&panorama).unwrap());
     for format in ["ktx2:rgba16f", "ktx2:rgb8unorm", "ktx2:uastc-hdr"] {
-        let mut recipe = EnvironmentRecipe::new(input.to_str().unwrap());
-        (recipe.size, recipe.min_size, recipe.irradiance) = (32, 16, IrradianceKind::None);
-        recipe.format = format.parse().unwrap();
-        let source = bake::source(&recipe).unwrap();
-        let baked = bake::environment(&recipe, &source, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
-        let Ok(Decoded::Texture(texture)) = format::decode(&baked.files[0].1) else { panic!("{format}: no texture") };
+        let (baked, texture) = baked_and_verified(&folder, &input, format);
         for level in [0, 1] {
             // (Seven bits of a logarithm, in uastc-hdr, end at 55296.)
             let ends =
@@ -426,9 +421,43 @@ fn maps_too_bright_for_their_format_are_baked_and_verified() {
             assert!(ends > 0, "{format}: level {level} is not clamped");
         }
         assert!(baked.certificate.packing.overflowed > 1, "{format}");
-        baked.write(folder.path()).unwrap();
-        let report = verify::file(&folder.path().join(recipe.specular_name()), Options::default()).unwrap();
-        assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
+    }
+}
+
+/// Levels of 32² and 16² of a panorama, without irradiance, none of whose checks fails.
+fn baked_and_verified(folder: &tempfile::TempDir, input: &Path, format: &str) -> (bake::Baked, Texture) {
+    let mut recipe = EnvironmentRecipe::new(input.to_str().unwrap());
+    (recipe.size, recipe.min_size, recipe.irradiance) = (32, 16, IrradianceKind::None);
+    recipe.format = format.parse().unwrap();
+    let source = bake::source(&recipe).unwrap();
+    let baked = bake::environment(&recipe, &source, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
+    let Ok(Decoded::Texture(texture)) = format::decode(&baked.files[0].1) else { panic!("{format}: no texture") };
+    baked.write(folder.path()).unwrap();
+    let report = verify::file(&folder.path().join(recipe.specular_name()), Options::default()).unwrap();
+    assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
+    (baked, texture)
+}
+
+/// What packing loses of a map that it does not suit is no fault of the bake either.
+#[test]
+fn maps_that_hardly_fit_their_format_are_baked_and_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(4);
+    let mut map = |texel: fn(&mut Random) -> [f64; 3]| (0..8 * 4).flat_map(|_| texel(&mut random)).collect::<Vec<_>>();
+    let maps = [
+        // Darker than half a step of what is stored, and some steps that are no whole part of the value.
+        ("ktx2:rgb8unorm", map(|random| [1e-6 * random.unit(); 3])),
+        ("ktx2:rgba16f", map(|random| [1e-7 * (1.0 + 0.01 * random.unit()); 3])),
+        // Lights beside black in blocks, and of a colour that the map has nowhere.
+        ("ktx2:bc6h", map(|random| if random.below(8) == 0 { [6e4, 5e4, 4e4] } else { [0.0; 3] })),
+        // Some beyond the largest, some not.
+        ("ktx2:bc6h", map(|random| std::array::from_fn(|_| 1e5 * random.unit()))),
+        ("ktx2:uastc-hdr", map(|random| [[6e4, 0.0, 0.0], [0.0, 6e4, 0.0], [0.0; 3]][random.below(3)])),
+    ];
+    for (format, values) in maps {
+        let (panorama, _) = Texture::flat("rgb32f".parse().unwrap(), 8, 4, &values).unwrap();
+        let input = file(&folder, "map.exr", &format::encode("exr:f32".parse().unwrap(), &panorama).unwrap());
+        baked_and_verified(&folder, &input, format);
     }
 }
 
