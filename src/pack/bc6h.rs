@@ -2,7 +2,7 @@
 //!
 //! - **Rounding**: lossy. Intel's encoder chooses each block's end points and partition; what that cost is measured by decoding again with another
 //!   author's decoder, and is the report's error. There is no step: what a texel can be depends on its fifteen neighbours. Where that encoder loses
-//!   a light (see [`LOST`]), the block is a line of colours between two of its texels.
+//!   a light (see `LOST`), the block is a line of colours between two of its texels.
 //! - **Negatives**: stored as 0 and counted.
 //! - **Overflow**: values beyond 65504 are stored as that and counted.
 //! - **NaN, infinity**: counted; NaN and −∞ are stored as 0, +∞ as 65504.
