@@ -7,7 +7,6 @@ mod environment;
 mod shader;
 mod table;
 
-pub(crate) use array::layer_of;
 pub use array::{BakedArray, array};
 pub use environment::{
     DEFAULT_SAMPLES, EngineSh, SH_SCHEMA, SUN_SCHEMA, ShFile, Source, SunFile, environment, environment_texels,

@@ -366,8 +366,35 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<Decoded> {
     // What is broken beside a file does not keep anybody from reading the file.
     if !is_certified && let Ok(Some(certificate)) = find_beside(path) {
         decoded.metadata_mut().push((KEY.to_owned(), certificate.to_json()?));
+    } else if !is_certified
+        && let Decoded::Texture(texture) = &mut decoded
+        && let Some(layers) = layers_beside(path, texture.array_layers)
+    {
+        texture.metadata.push((LAYERS_KEY.to_owned(), Certificate::list_to_json(&layers)?));
     }
     Ok(decoded)
+}
+
+/// The certificates of an array's layers that stand beside the file at `path`, as `STEM.LAYER.certificate.json`; nothing where not every layer
+/// has one of its own.
+fn layers_beside(path: &Path, layers: usize) -> Option<Vec<Certificate>> {
+    let stem = path.file_stem()?.to_str()?;
+    let name_of = |file: &Path| Some(file.file_name()?.to_str()?.to_owned());
+    let of_layer = |entry: std::io::Result<std::fs::DirEntry>| {
+        let file = entry.ok()?.path();
+        let name = name_of(&file)?;
+        if !name.strip_prefix(stem)?.starts_with('.') || !name.ends_with(".certificate.json") {
+            return None;
+        }
+        let certificate = Certificate::from_json(&std::fs::read_to_string(file).ok()?).ok()?;
+        let names_it = certificate.files.iter().any(|file| Some(&file.file) == name_of(path).as_ref());
+        (names_it && certificate.layer.is_some()).then_some(certificate)
+    };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut found: Vec<Certificate> = std::fs::read_dir(folder).ok()?.filter_map(of_layer).collect();
+    found.sort_by_key(|certificate| certificate.layer);
+    let is_each_there = found.iter().map(|certificate| certificate.layer).eq((0..layers).map(Some));
+    (layers > 0 && is_each_there).then_some(found)
 }
 
 /// The certificate beside the file at `path`: `NAME.certificate.json`, or the folder's `certificate.json` if it names the file.

@@ -34,6 +34,8 @@ pub struct Conversion {
     /// How the sphere lies in the input; nothing for what its certificate says, else a cube for what has six faces, an atlas for what is
     /// packed as one, and a panorama for any other picture. Of an atlas it is the largest mirror that is converted.
     pub from: Option<SphereLayout>,
+    /// Only that layer of an array texture.
+    pub layer: Option<usize>,
     /// Only that level of mips.
     pub level: Option<usize>,
     /// Only that many channels, the first.
@@ -91,6 +93,9 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
     let mut decoded = decoded;
     if let (Some(SphereLayout::Atlas), Decoded::Texture(texture)) = (from, &mut decoded) {
         texture.format = atlas::format_of(texture);
+    }
+    if let Some(layer) = conversion.layer {
+        decoded = layer_of(decoded, layer)?;
     }
     let mut content = Content::of(decoded)?;
     if let Some(level) = conversion.level {
@@ -159,6 +164,20 @@ pub fn convert(decoded: Decoded, conversion: &Conversion) -> Result<(Vec<u8>, Re
         report.layout = Some(format::raw::Layout::of(&texture, conversion.format).to_json()?);
     }
     Ok((file, report))
+}
+
+/// A layer of what a file holds.
+fn layer_of(decoded: Decoded, layer: usize) -> Result<Decoded> {
+    let Decoded::Texture(texture) = decoded else {
+        return Err(Error::usage(format!("layer {layer} of what is no array texture"), "leave --layer out"));
+    };
+    texture.layer(layer).map(Decoded::Texture).ok_or_else(|| {
+        let way_out = match texture.array_layers {
+            0 => "leave --layer out".to_owned(),
+            layers => format!("give --layer 0 to {}", layers - 1),
+        };
+        Error::usage(format!("layer {layer} of {}", texture.text()), way_out)
+    })
 }
 
 /// What is told of values that stay as they are.
@@ -380,7 +399,11 @@ impl Content {
                     self.levels.len(),
                     from.noun()
                 ),
-                "choose a level with --level 0",
+                if self.like.array_layers > 0 {
+                    "choose one with --layer 0 and --level 0"
+                } else {
+                    "choose a level with --level 0"
+                },
             ));
         }
         let before = Sphere::new(from, self.like.width, self.like.height, self.colour()?)?;
@@ -553,13 +576,16 @@ pub fn usual_format(container: Container, decoded: &Decoded) -> Result<FormatSpe
         Decoded::Texture(texture) => texture.format.channels(),
         Decoded::Array(array) => array.extent()[3],
     };
-    // The same packing where the container has it: nothing is lost then.
-    if let Some(format) = decoded.format()
-        && let Ok(spec) = FormatSpec::new(container, format)
-    {
-        return Ok(spec);
-    }
-    FormatSpec::usual(container, channels)
+    // The same packing where the container has it, or the same numbers of more channels: nothing is lost then.
+    let same = decoded.format().into_iter().flat_map(|format| match format {
+        TexelFormat::Plain { number, .. } => {
+            (channels..=4).map(|channels| TexelFormat::Plain { channels, number }).collect()
+        }
+        other => vec![other],
+    });
+    same.map(|format| FormatSpec::new(container, format))
+        .find_map(Result::ok)
+        .map_or_else(|| FormatSpec::usual(container, channels), Ok)
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {

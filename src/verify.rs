@@ -20,7 +20,7 @@ use crate::check::Check;
 use crate::claim::{Claim, Said};
 use crate::error::{Error, Result};
 use crate::format::grid::Described;
-use crate::format::{Array, Decoded, FileKind, Grid, Image, Texture, decode};
+use crate::format::{Array, Decoded, FileKind, Grid, Image, Texture};
 use crate::identify;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -85,7 +85,7 @@ impl Content {
                     "give a file that Kiln baked, with its certificate, or a table in a file that it reads",
                 )
             }),
-            _ => decode(&bytes).map(|decoded| match decoded {
+            _ => certificate::decode(path, &bytes).map(|decoded| match decoded {
                 Decoded::Picture(image, _) => Self::Picture(image),
                 Decoded::Texture(texture) => Self::Texture(texture),
                 Decoded::Array(array) => Self::Array(array),
@@ -180,7 +180,7 @@ fn layers(path: &Path, texture: &Texture, certificates: &str, options: Options) 
     }
     let mut report = Report { file: path.to_owned(), claim: "array".to_owned(), ..Report::default() };
     for (i, certificate) in certificates.iter().enumerate() {
-        let (Some(recipe), Some(layer)) = (&certificate.table, crate::bake::layer_of(texture, i)) else {
+        let (Some(recipe), Some(layer)) = (&certificate.table, texture.layer(i)) else {
             return Err(broken(format!("layer {i} is said to be no table")));
         };
         let found = table::verify(path, &Content::Texture(layer), certificate, recipe, options)?;

@@ -55,9 +55,3 @@ pub fn array(recipe: &ArrayRecipe, progress: Progress) -> Result<BakedArray> {
     }
     Ok(BakedArray { files, certificates })
 }
-
-/// The layer of an array texture, as a texture of its own.
-pub(crate) fn layer_of(texture: &Texture, layer: usize) -> Option<Texture> {
-    let bytes = texture.picture(0, layer)?.to_vec();
-    Some(Texture { array_layers: 0, levels: vec![bytes], ..texture.clone() })
-}

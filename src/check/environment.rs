@@ -164,7 +164,8 @@ impl EnvironmentValues<'_> {
             }
             let kernel = Kernel::of(level.kernel, alpha);
             if let Some(claimed) = &level.fitted {
-                checks.push(self.lookup_check(level, panorama, sum, &kernel, claimed, seed));
+                let is_measured = matches!(spread, Spread::Measured(_));
+                checks.push(self.lookup_check(level, panorama, sum, &kernel, (claimed, is_measured), seed));
                 return checks;
             }
             let (texels, name) = match spread {
@@ -220,21 +221,23 @@ impl EnvironmentValues<'_> {
         texel / (width * height) * per_face + blocks::block_of(width, texel % (width * height))
     }
 
-    /// What packing may change the mean by, in parts of it: nothing to speak of where every value keeps ten bits of its own.
-    fn mean_packing(&self, level: &CubeLevel) -> f64 {
-        let Some(format) = self.precision.format().filter(|format| !format.is_signed()) else { return 0.0 };
+    /// What packing may change the mean over the sphere by, of each channel: nothing to speak of where values keep ten bits of their own.
+    fn mean_packing(&self, level: &CubeLevel) -> [f64; 3] {
+        const TEN_BITS: f64 = 1.0 / 1024.0;
+        let Some(format) = self.precision.format() else { return [0.0; 3] };
         let blocks = self.brightest_of_blocks(level);
-        let (mut room, mut sum) = ([0.0; 3], [0.0; 3]);
-        for (i, texel) in level.texels.iter().enumerate() {
+        let room = |(i, texel): (usize, &[f32; 3])| {
             let of_texel = texel.iter().fold(0.0, |most: f64, &v| most.max(v.into()));
             let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[self.block(level, i)]);
-            for c in 0..3 {
+            [0, 1, 2].map(|c| {
                 let value = f64::from(texel[c]).min(format.largest(c));
-                room[c] += self.precision.tolerance_in(c, value, brightest);
-                sum[c] += value;
-            }
-        }
-        (0..3).map(|c| room[c] / sum[c]).filter(|part| part.is_finite()).fold(0.0, f64::max)
+                let room = self.precision.tolerance_in(c, value, brightest);
+                let kept = if format.is_signed() { TEN_BITS * value.abs() } else { 0.0 };
+                (room - kept).max(0.0) as f32
+            })
+        };
+        let texels = level.texels.iter().enumerate().map(room).collect();
+        SphereMap { layout: self.layout, size: level.size, texels }.mean()
     }
 
     /// Whether packing brought values of the level to the largest that there is: then their light is gone, which is counted and warned of, and
@@ -307,14 +310,14 @@ impl EnvironmentValues<'_> {
     }
 
     /// A fitted level against the full sum, through the filtering that it is made for: towards texels' centres, where fitted texels
-    /// are off most, and anywhere between.
+    /// are off most, and anywhere between. What is claimed, a bake has just measured, or somebody says.
     fn lookup_check(
         &self,
         level: &CubeLevel,
         panorama: &Panorama,
         sum: &FullSum,
         kernel: &Kernel,
-        claimed: &CubeLookup,
+        (claimed, is_measured): (&CubeLookup, bool),
         seed: u64,
     ) -> Check {
         let map = self.map(level);
@@ -330,9 +333,8 @@ impl EnvironmentValues<'_> {
         });
         // As the shader looks up.
         let directions: Vec<DVec3> = anywhere.chain(centres.iter().map(|&t| map.direction(t))).collect();
-        let errors: Vec<f64> = directions
-            .par_iter()
-            .map(|&direction| {
+        let errors_of = |map: &SphereMap| -> Vec<f64> {
+            let error = |&direction: &DVec3| {
                 let wanted = sum.evaluate(self.orientation.world(direction), kernel);
                 let seen = map.filtered(direction);
                 (0..3)
@@ -342,18 +344,31 @@ impl EnvironmentValues<'_> {
                         if off.is_nan() { f64::INFINITY } else { off }
                     })
                     .fold(0.0, f64::max)
-            })
-            .collect();
+            };
+            directions.par_iter().map(error).collect()
+        };
+        let errors = errors_of(&map);
+        // A claim of huge errors would excuse anything: it is believed as far as exact texels are off, which fitted ones are there to better.
+        let believed = if is_measured || claimed.max <= MOST_LOOKUP_ERROR {
+            claimed.max
+        } else {
+            let exact = |texel| sum.evaluate(self.world(level, texel), kernel).map(|v| v as f32);
+            let texels = all(level).into_par_iter().map(exact).collect();
+            let exact = errors_of(&SphereMap { layout: self.layout, size: level.size, texels });
+            claimed.max.min(exact.into_iter().fold(MOST_LOOKUP_ERROR, f64::max))
+        };
         let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
         let [x, y, z] = directions[worst].to_array();
         let detail = format!("worst of {} towards ({x:.3}, {y:.3}, {z:.3})", errors.len());
         let name = "full sum through bilinear filtering, relative";
-        Check::at_most(name, &level.name, errors[worst], BETWEEN * claimed.max, detail)
+        Check::at_most(name, &level.name, errors[worst], BETWEEN * believed, detail)
     }
 }
 
 /// What a point between those that were looked at may be off by, in parts of the largest that was seen.
 const BETWEEN: f64 = 2.0;
+/// The largest error of a lookup, relative, that a certificate is believed at once.
+const MOST_LOOKUP_ERROR: f64 = 0.5;
 /// Directions that the full sum is asked for of a fitted level.
 const LOOKUPS: usize = 192;
 
@@ -377,19 +392,22 @@ fn resolved(layout: SphereLayout) -> f64 {
 /// Centres of texels that resolve the kernel sum to the flux of a lone sun within 2e-3; this leaves room for packing.
 const TEXEL_SUM: f64 = 4e-3;
 
-/// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out.
-fn mean_check(map: &SphereMap, level: &CubeLevel, panorama: &Panorama, packing: f64) -> Check {
+/// Filtering keeps the mean over the sphere; errors are alike in all texels, so that they do not average out. Of a channel that is black
+/// everywhere the mean is compared as it is.
+fn mean_check(map: &SphereMap, level: &CubeLevel, panorama: &Panorama, packing: [f64; 3]) -> Check {
     let (found, wanted) = (map.mean(), panorama.mean());
-    let off = |c: usize| if found[c] == wanted[c] { 0.0 } else { (found[c] / wanted[c] - 1.0).abs() };
-    let figure = (0..3).map(off).map(|d| if d.is_nan() { f64::INFINITY } else { d }).fold(0.0, f64::max);
+    let of_channel = |c: usize| {
+        let is_black = wanted[c] == 0.0;
+        let (scale, relative) =
+            if is_black { (1.0, 0.0) } else { (wanted[c].abs(), TEXEL_SUM + SIGMAS * level.rms_error) };
+        let off = (found[c] - wanted[c]).abs() / scale;
+        let figure = if off.is_nan() { f64::INFINITY } else { off };
+        Deviation { place: (0, c), figure, limit: relative + packing[c] / scale }
+    };
+    let worst = of_channel(0).or_worse(of_channel(1)).or_worse(of_channel(2));
     let detail = "largest of the channels, texels weighted by solid angle";
-    Check::at_most(
-        "mean over the sphere against the input's, relative",
-        &level.name,
-        figure,
-        TEXEL_SUM + SIGMAS * level.rms_error + packing,
-        detail,
-    )
+    let name = "mean over the sphere against the input's, relative";
+    Check::at_most(name, &level.name, worst.figure, worst.limit, detail)
 }
 
 fn all(level: &CubeLevel) -> Vec<usize> {

@@ -9,14 +9,9 @@ pub struct Precision {
     format: Option<TexelFormat>,
     /// The largest value of any texel.
     brightest: f64,
-    /// Of texels in blocks, what a value may be off by, in parts of the brightest of its block.
+    /// Of texels in blocks, what a value may be off by, in parts of the brightest of its block, or of its own where that is more.
     block_error: f64,
 }
-
-/// The largest error of a block, in parts of the brightest value that is read of it, that is believed, at a bake and of a certificate: a claim
-/// of huge errors would excuse anything. Where one texel of a block outshines all others its brightest is stored too dark, up to 1.8 times in four
-/// panoramas as UASTC HDR, whose claims were 0.55 to 0.82; in BC6H 0.30 to 0.68.
-const MOST_BLOCK_ERROR: f64 = 1.5;
 
 impl Precision {
     /// Of values that were not packed.
@@ -24,14 +19,14 @@ impl Precision {
         Self { format: None, brightest: 0.0, block_error: 0.0 }
     }
 
-    /// Of values that were packed; `block_error` is [`PackReport::max_block_error`], of a file what its certificate claims of it; more
-    /// than one and a half is not believed.
+    /// Of values that were packed; `block_error` is [`PackReport::max_block_error`], of a file what its certificate claims of it: 1 at most, which
+    /// is all that values of no sign can be off by.
     ///
     /// [`PackReport::max_block_error`]: crate::pack::PackReport::max_block_error
     pub fn new(format: TexelFormat, values: impl IntoIterator<Item = f64>, block_error: f64) -> Self {
         // NaN is no brightness; it is found elsewhere.
         let brightest = values.into_iter().filter(|v| v.is_finite()).fold(0.0, f64::max);
-        Self { format: Some(format), brightest, block_error: block_error.min(MOST_BLOCK_ERROR) }
+        Self { format: Some(format), brightest, block_error: block_error.min(1.0) }
     }
 
     /// How texels are stored.
@@ -55,7 +50,7 @@ impl Precision {
             Some(step) if format.is_read_exactly() => 0.5 * step,
             // What is read is half a step beyond the value at most, and rounded.
             Some(step) => 0.5 * step + 0.5 * f64::from(f32::EPSILON) * (wider(value) + step),
-            None => self.block_error * wider(brightest),
+            None => self.block_error * wider(brightest.max(value)),
         }
     }
 
@@ -115,12 +110,24 @@ mod tests {
             0.0746, 0.1192, 0.2125, 0.0109, 0.0516, 0.0808, 0.0023, 0.0428, 0.0596, 0.0225, 0.0662, 0.0998,
         ];
         let (bytes, report) = uastc_hdr::pack(4, 4, &block);
-        assert!(report.max_block_error > 0.75, "{report:?}");
+        assert!(0.4 < report.max_block_error && report.max_block_error < 0.5, "{report:?}");
         let stored = uastc_hdr::unpack(4, 4, &bytes).into_iter().map(f64::from);
         let precision = Precision::new(TexelFormat::UastcHdr, stored.clone(), report.max_block_error);
         for (value, stored) in block.into_iter().zip(stored) {
             let off = (stored - value).abs();
             assert!(off <= precision.tolerance(0, value), "{value}: off by {off}");
         }
+    }
+
+    /// No claim excuses a block that lost its light.
+    #[test]
+    fn black_in_place_of_a_light_is_beyond_any_claim_of_a_block() {
+        let light = 7.0;
+        for claimed in [0.5, 0.9, 0.99] {
+            let precision = Precision::new(TexelFormat::Bc6h, [light], claimed);
+            assert!(precision.tolerance_in(0, light, 0.0) < light, "{claimed}");
+        }
+        let precision = Precision::new(TexelFormat::Bc6h, [light], 1e9);
+        assert!(precision.tolerance_in(0, light, light) <= 1.002 * light);
     }
 }

@@ -158,7 +158,9 @@ pub fn warn_if_experimental(engine: &Engine, console: &Console) {
 
 /// What `--as-shipped` comes to where it changes nothing.
 pub fn no_own_numbers(whose: &str) -> String {
-    format!("--as-shipped: no numbers of its own are known of {whose} but the right ones, which are baked")
+    format!(
+        "--as-shipped: no numbers of its own are known of {whose} but those that it is meant to hold, which are baked"
+    )
 }
 
 /// `--fit`, in words.

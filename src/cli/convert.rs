@@ -34,6 +34,9 @@ pub struct Convert {
     /// a panorama is four edges wide]
     #[arg(long, value_name = "N")]
     size: Option<usize>,
+    /// Only that layer of an array texture, from 0
+    #[arg(long, value_name = "N")]
+    layer: Option<usize>,
     /// Only that level of the mips, 0 the largest
     #[arg(long, value_name = "N")]
     level: Option<usize>,
@@ -104,8 +107,8 @@ impl Convert {
         };
         let from = self.from.map(SphereLayout::from);
         let name = self.output.file_stem().and_then(|name| name.to_str()).map(str::to_owned);
-        let (level, channels, clamp) = (self.level, self.channels, self.clamp);
-        let conversion = Conversion { format, shape, from, level, channels, clamp, name };
+        let (layer, level, channels, clamp) = (self.layer, self.level, self.channels, self.clamp);
+        let conversion = Conversion { format, shape, from, layer, level, channels, clamp, name };
         let (bytes, report) = convert(decoded, &conversion).map_err(|e| e.in_file(&self.input))?;
         atomic::write(&self.output, &bytes)?;
         if let Some(layout) = &report.layout {

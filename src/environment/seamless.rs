@@ -125,7 +125,7 @@ fn inward_of(size: usize, texel: usize, from: usize) -> usize {
 }
 
 /// The error of a cube as a shader sees it, against the function that it holds; relative to the value, or to [`DARK_FLOOR`] of the
-/// channel's mean where the value is darker.
+/// channel's mean where the value is darker, of the brightest channel's where the channel is black everywhere.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CubeLookup {
@@ -194,11 +194,14 @@ impl Probe {
     }
 
     fn judge_by(&self, filtered: impl Fn(DVec3) -> [f64; 3] + Sync, orientation: Orientation) -> CubeLookup {
+        // What a block leaves of blue in a map without any is no infinite error.
+        let brightest = self.mean.iter().fold(0.0_f64, |most, mean| most.max(mean.abs()));
+        let mean = self.mean.map(|mean| if mean == 0.0 { brightest } else { mean.abs() });
         let errors: Vec<[f64; 3]> = (self.directions.par_iter().zip(&self.truth))
             .map(|(direction, truth)| {
                 let seen = filtered(orientation.lookup(*direction));
                 std::array::from_fn(|c| {
-                    let scale = truth[c].abs().max(DARK_FLOOR * self.mean[c].abs());
+                    let scale = truth[c].abs().max(DARK_FLOOR * mean[c]);
                     if seen[c] == truth[c] { 0.0 } else { (seen[c] - truth[c]).abs() / scale }
                 })
             })

@@ -88,7 +88,7 @@ fn check_is_light(kind: FileKind, texture: &Texture, asked: InputLayout) -> Resu
     if texture.array_layers > 1 {
         return Err(Error::unsupported(
             format!("an array of {} layers, where an environment is wanted", texture.array_layers),
-            "extract one layer",
+            "extract one with `kiln convert --layer 0`",
         ));
     }
     Ok(())

@@ -150,6 +150,18 @@ impl Texture {
         self.levels.get(level)?.get(picture.checked_mul(size)?..picture.checked_add(1)?.checked_mul(size)?)
     }
 
+    /// A layer of an array texture as a texture of its own; none where there is no such.
+    pub fn layer(&self, layer: usize) -> Option<Self> {
+        if layer >= self.array_layers {
+            return None;
+        }
+        let of_level = |level: &Vec<u8>| {
+            let size = level.len() / self.array_layers;
+            level[layer * size..(layer + 1) * size].to_vec()
+        };
+        Some(Self { array_layers: 0, levels: self.levels.iter().map(of_level).collect(), ..self.clone() })
+    }
+
     /// The values of one picture, such as a face or a slice, of one level, row by row, channel fastest; none where there is no such.
     pub fn face(&self, level: usize, face: usize) -> Option<Vec<f32>> {
         let [width, height] = self.level_size(level);

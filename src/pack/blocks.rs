@@ -63,20 +63,21 @@ pub(super) fn pack<T: Copy + Into<f64>>(
     (blocks, report)
 }
 
-/// The largest error of decoded texels, and the largest in parts of the brightest value of its block.
+/// The largest error of decoded texels, and the largest in parts of the brightest value of its block or of the value itself, whichever is larger:
+/// that is 1 at most, for neither is below zero.
 fn errors([width, height]: [usize; 2], given: &[[f64; 3]], fitted: &[[f64; 3]], decoded: &[f32]) -> (f64, f64) {
     let brightest = brightest(width, height, decoded);
     let (mut most, mut most_in_block) = (0.0_f64, 0.0_f64);
     for (i, ((given, fitted), decoded)) in given.iter().zip(fitted).zip(decoded.chunks_exact(3)).enumerate() {
         let brightest = brightest[block_of(width, i)];
         for c in 0..3 {
-            // What was clamped is counted instead.
+            // What was clamped is counted instead, and of a block there is left what it may be off by from the largest or from 0.
+            let off = (f64::from(decoded[c]) - fitted[c]).abs();
             if given[c] == fitted[c] {
-                let off = (f64::from(decoded[c]) - given[c]).abs();
                 most = most.max(off);
-                if off > 0.0 {
-                    most_in_block = most_in_block.max(off / brightest);
-                }
+            }
+            if off > 0.0 {
+                most_in_block = most_in_block.max(off / brightest.max(fitted[c]));
             }
         }
     }

@@ -60,7 +60,8 @@ pub struct PackReport {
     /// NaN and infinities (stored as they are by f16 and f32; elsewhere NaN as 0, infinity as the largest number; a baked table never
     /// has any).
     pub nonfinite: u64,
-    /// Of [`blocks`], the largest |unpacked − value| in parts of the brightest value of its block; 0 of every other format.
+    /// Of [`blocks`], the largest |unpacked − value| in parts of the brightest that is read of its block, or of the value where that is larger:
+    /// at most 1, for none is below zero. Here values that the format has no room for are the nearest that it has. 0 of every other format.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub max_block_error: f64,
     /// Of [`uastc_hdr`], the same of what a machine without ASTC sees, for which the blocks are transcoded; 0 of every other format.

@@ -4,7 +4,7 @@ use super::{Content, Options, Report, digest_check};
 use crate::bake::{self, EngineSh, IRRADIANCE, SUN_SCHEMA, ShFile, Source, SunFile, precision, texel_digest};
 use crate::certificate::{self, Certificate, Level};
 use crate::check::{Check, CubeLevel, EnvironmentValues};
-use crate::environment::{CubeLookup, KernelKind, Panorama, SphereLayout, atlas, sh_bands, spherical_harmonics};
+use crate::environment::{KernelKind, Panorama, SphereLayout, atlas, sh_bands, spherical_harmonics};
 use crate::error::{Error, Result};
 use crate::format::{Image, Texture};
 use crate::pack::{Number, TexelFormat};
@@ -222,8 +222,6 @@ fn claimed_level(level: &Level, texels: Vec<[f32; 3]>, size: usize, recipe: &Env
     let max_error = level.max_error.min(MOST_ERROR);
     let rms_error = level.rms_error.min(max_error);
     let fitted = level.lookup.clone().filter(|_| level.is_fitted());
-    // Likewise what a lookup may be off by.
-    let fitted = fitted.map(|lookup| CubeLookup { max: lookup.max.min(MOST_ERROR), ..lookup });
     let kernel = if level.name == IRRADIANCE { KernelKind::Nol } else { recipe.kernel };
     let view = recipe.view.filter(|_| level.name != IRRADIANCE);
     let (name, roughness) = (level.name.clone(), level.roughness);

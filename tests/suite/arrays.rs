@@ -108,3 +108,28 @@ fn a_layer_that_is_not_what_it_says_fails_and_what_cannot_be_an_array_is_refused
     assert!(refused("\"glass\"", "\"dfg\"").contains("is no name of its own for a layer"));
     assert!(refused("tables.ktx2", "../tables.ktx2").contains("leads out of the output folder"));
 }
+
+/// A DirectDraw surface has no place for certificates: those beside it count.
+#[test]
+fn an_array_is_known_by_the_certificates_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    bake(folder, &RECIPE.replace("tables.ktx2", "tables.dds").replace("ktx2:rgba16f+zstd", "dds:rgba16f"));
+    let verified = succeed(folder, &["verify", "tables.dds"]).stdout;
+    assert!(verified.contains("layer 1: table of fresnel.dielectric"), "{verified}");
+    assert_eq!(succeed(folder, &["verify", "."]).stdout.matches("array of layer 0").count(), 1);
+    let info = succeed(folder, &["info", "tables.dds"]).stdout;
+    assert!(info.contains("layer 1, glass.dds") && !info.contains("no certificate"), "{info}");
+    assert!(succeed(folder, &["shader", "tables.dds"]).stdout.contains("glass_lookup"));
+    // One texel of the second layer is another.
+    let path = folder.join("tables.dds");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let n = bytes.len();
+    bytes[n - 8] ^= 0x40;
+    std::fs::write(&path, bytes).unwrap();
+    let run = kiln(folder, &["verify", "tables.dds"]);
+    assert_eq!(run.code, 3, "{}", run.stdout);
+    // One layer's certificate alone says nothing of two.
+    std::fs::remove_file(folder.join("tables.dfg.certificate.json")).unwrap();
+    assert!(succeed(folder, &["info", "tables.dds"]).stdout.contains("no certificate"));
+}

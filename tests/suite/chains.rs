@@ -479,6 +479,20 @@ fn fitted_chains_verify_and_do_not_depend_on_threads() {
     assert!(info.contains("not measured (a picture of boxes)") && info.contains("fitted; exact texels"), "{info}");
 }
 
+/// Levels of a few texels are off by more than their value in the dark, and exact texels by more than that.
+#[test]
+fn fitted_levels_of_a_few_texels_verify() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let arguments = ["--size", "8", "--min-size", "2", "--irradiance", "none", "--fit", "lookup", "--out", "sun"];
+    succeed(folder, &[&["env", "builtin:sun"][..], &arguments].concat());
+    let certificate = std::fs::read_to_string(folder.join("sun/certificate.json")).unwrap();
+    let certificate = kiln::certificate::Certificate::from_json(&certificate).unwrap();
+    let largest = certificate.levels.iter().filter_map(|level| Some(level.lookup.as_ref()?.max)).fold(0.0, f64::max);
+    assert!(largest > 1.0, "{largest}");
+    succeed(folder, &["verify", "sun"]);
+}
+
 /// Tables take the same fit: better through the filter, by its own certificate, and told from a table that is not what it says.
 #[test]
 fn a_fitted_table_is_closer_through_the_filter_and_verifies() {

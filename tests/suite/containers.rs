@@ -413,12 +413,7 @@ fn maps_too_bright_for_their_format_are_baked_and_verified() {
     let (panorama, _) = Texture::flat(TexelFormat::Rgbe, 32, 16, &values).unwrap();
     let input = file(&folder, "bright.hdr", &hdr::encode(&panorama).unwrap());
     for format in ["ktx2:rgba16f", "ktx2:rgb8unorm", "ktx2:uastc-hdr"] {
-        let mut recipe = EnvironmentRecipe::new(input.to_str().unwrap());
-        (recipe.size, recipe.min_size, recipe.irradiance) = (32, 16, IrradianceKind::None);
-        recipe.format = format.parse().unwrap();
-        let source = bake::source(&recipe).unwrap();
-        let baked = bake::environment(&recipe, &source, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
-        let Ok(Decoded::Texture(texture)) = format::decode(&baked.files[0].1) else { panic!("{format}: no texture") };
+        let (baked, texture) = baked_and_verified(&folder, &input, format);
         for level in [0, 1] {
             // (Seven bits of a logarithm, in uastc-hdr, end at 55296.)
             let ends =
@@ -426,9 +421,46 @@ fn maps_too_bright_for_their_format_are_baked_and_verified() {
             assert!(ends > 0, "{format}: level {level} is not clamped");
         }
         assert!(baked.certificate.packing.overflowed > 1, "{format}");
-        baked.write(folder.path()).unwrap();
-        let report = verify::file(&folder.path().join(recipe.specular_name()), Options::default()).unwrap();
-        assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
+    }
+}
+
+/// Levels of 32² and 16² of a panorama, without irradiance, none of whose checks fails.
+fn baked_and_verified(folder: &tempfile::TempDir, input: &Path, format: &str) -> (bake::Baked, Texture) {
+    let mut recipe = EnvironmentRecipe::new(input.to_str().unwrap());
+    (recipe.size, recipe.min_size, recipe.irradiance) = (32, 16, IrradianceKind::None);
+    recipe.format = format.parse().unwrap();
+    let source = bake::source(&recipe).unwrap();
+    let baked = bake::environment(&recipe, &source, &|_| {}).unwrap_or_else(|e| panic!("{format}: {e}"));
+    let Ok(Decoded::Texture(texture)) = format::decode(&baked.files[0].1) else { panic!("{format}: no texture") };
+    baked.write(folder.path()).unwrap();
+    let report = verify::file(&folder.path().join(recipe.specular_name()), Options::default()).unwrap();
+    assert_eq!(report.failures(), 0, "{format}: {:?}", report.checks);
+    (baked, texture)
+}
+
+/// What packing loses of a map that it does not suit is no fault of the bake either.
+#[test]
+fn maps_that_hardly_fit_their_format_are_baked_and_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(4);
+    let mut four_lamps = vec![0.0; 3 * 8 * 4];
+    [0, 10, 49, 67].into_iter().for_each(|i| four_lamps[i] = 6e4);
+    let mut map = |texel: fn(&mut Random) -> [f64; 3]| (0..8 * 4).flat_map(|_| texel(&mut random)).collect::<Vec<_>>();
+    let maps = [
+        // Darker than half a step of what is stored, and some steps that are no whole part of the value.
+        ("ktx2:rgb8unorm", map(|random| [1e-6 * random.unit(); 3])),
+        ("ktx2:rgba16f", map(|random| [1e-7 * (1.0 + 0.01 * random.unit()); 3])),
+        // Lights beside black in blocks, and of a colour that the map has nowhere.
+        ("ktx2:bc6h", map(|random| if random.below(8) == 0 { [6e4, 5e4, 4e4] } else { [0.0; 3] })),
+        // Some beyond the largest, some not.
+        ("ktx2:bc6h", map(|random| std::array::from_fn(|_| 1e5 * random.unit()))),
+        ("ktx2:uastc-hdr", map(|random| [[6e4, 0.0, 0.0], [0.0, 6e4, 0.0], [0.0; 3]][random.below(3)])),
+        ("ktx2:uastc-hdr", four_lamps),
+    ];
+    for (format, values) in maps {
+        let (panorama, _) = Texture::flat("rgb32f".parse().unwrap(), 8, 4, &values).unwrap();
+        let input = file(&folder, "map.exr", &format::encode("exr:f32".parse().unwrap(), &panorama).unwrap());
+        baked_and_verified(&folder, &input, format);
     }
 }
 
@@ -511,7 +543,8 @@ fn the_irradiance_of_a_white_furnace_is_one_in_every_convention() {
 
 fn conversion(format: &str) -> Conversion {
     let format = format.parse().unwrap();
-    Conversion { format, from: None, shape: Shape::Keep, level: None, channels: None, clamp: false, name: None }
+    let (layer, level, channels, name) = (None, None, None, None);
+    Conversion { format, from: None, shape: Shape::Keep, layer, level, channels, clamp: false, name }
 }
 
 fn converted(bytes: &[u8], conversion: &Conversion) -> kiln::Result<(Vec<u8>, kiln::convert::Report)> {
@@ -617,6 +650,52 @@ fn what_stays_packed_as_it_is_is_copied_from_container_to_container() {
         assert_eq!(alone, start.levels[1..2], "{format}");
         let (_, floats) = converted(&bytes, &second("ktx2:rgb32f")).unwrap();
         assert_eq!((floats.max_error, floats.format.as_str()), (0.0, "rgb32f"));
+    }
+}
+
+/// Several cubes in one texture go round by all containers that have such, and each comes out of it alone.
+#[test]
+fn arrays_of_cubes_go_round_and_a_layer_comes_out_alone() {
+    let cubes = [1.0, 2.0].map(|factor: f32| {
+        let one = texture("cube", "rgba16f".parse().unwrap());
+        let mut cube = Texture { levels: vec![], ..one.clone() };
+        for level in 0..one.levels.len() {
+            let values: Vec<f32> = one.values(level).iter().map(|v| v * factor).collect();
+            cube.push_level(&values).unwrap();
+        }
+        cube
+    });
+    let levels = cubes[0].levels.iter().zip(&cubes[1].levels).map(|(a, b)| [&a[..], b].concat()).collect();
+    let array = Texture { array_layers: 2, levels, ..cubes[0].clone() };
+    let mut bytes = ktx2::encode(&array).unwrap();
+    for name in ["dds:rgba16f", "ktx1:rgba16f", "ktx2:rgba16f+zstd", "ktx2:rgba16f"] {
+        let (next, report) = converted(&bytes, &conversion(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(report.max_error, 0.0, "{name}");
+        bytes = next;
+    }
+    let Decoded::Texture(back) = format::decode(&bytes).unwrap() else { panic!("a texture") };
+    assert_eq!((back.array_layers, &back.levels), (2, &array.levels));
+    let alone = |layer| converted(&bytes, &Conversion { layer: Some(layer), ..conversion("dds:rgba16f") });
+    for (layer, cube) in cubes.iter().enumerate() {
+        let Decoded::Texture(one) = format::decode(&alone(layer).unwrap().0).unwrap() else { panic!("a texture") };
+        assert_eq!((one.array_layers, one.faces, &one.levels), (0, 6, &cube.levels), "layer {layer}");
+    }
+    let beyond = alone(2).unwrap_err().to_string();
+    assert!(beyond.contains("layer 2 of a cube of") && beyond.contains("--layer 0 to 1"), "{beyond}");
+}
+
+/// A container without three channels of those numbers has four of them: nothing is rounded.
+#[test]
+fn the_usual_format_has_the_same_numbers_where_the_container_has_them() {
+    for (from, to, wanted) in [
+        ("rgb16unorm", Container::Dds, "dds:rgba16unorm"),
+        ("rgb8unorm", Container::Dds, "dds:rgba8unorm"),
+        ("rgb16f", Container::Dds, "dds:rgba16f"),
+        ("rg16unorm", Container::Png, "png:rgb16unorm"),
+        ("rgb16unorm", Container::Ktx1, "ktx1:rgb16unorm"),
+    ] {
+        let decoded = Decoded::Texture(texture("flat", from.parse().unwrap()));
+        assert_eq!(usual_format(to, &decoded).unwrap().to_string(), wanted, "{from}");
     }
 }
 

@@ -4,8 +4,9 @@ use crate::support::kiln::{fail, kiln, succeed};
 use kiln::bake;
 use kiln::certificate::{Certificate, KEY, digest};
 use kiln::format::{FormatSpec, Image, exr, ktx2};
+use kiln::math::fit::Fit;
 use kiln::pack::Number;
-use kiln::recipe::{EnvironmentRecipe, TableRecipe};
+use kiln::recipe::{EnvironmentRecipe, IrradianceKind, TableRecipe};
 use kiln::table::{Axis, Parameter, Sampling};
 use kiln::verify::{self, Options, Report};
 use std::path::Path;
@@ -20,7 +21,7 @@ fn recipe(channels: &[&str], sampling: Sampling) -> TableRecipe {
         channels: channels.iter().map(|&c| c.to_owned()).collect(),
         axes: vec![axis(Parameter::Mu), axis(Parameter::Roughness)],
         at: Default::default(),
-        fit: kiln::math::fit::Fit::None,
+        fit: Fit::None,
         layout: None,
         model: Default::default(),
         integration: Default::default(),
@@ -167,6 +168,28 @@ fn verify_spoiled_cube(folder: &Path, spoil: impl Fn(&mut Vec<Vec<f32>>)) -> Rep
     let report = verify::file(&path, Options::default()).expect("the file can be judged");
     std::fs::write(&path, original).expect("writes");
     report
+}
+
+#[test]
+fn a_claim_of_huge_lookup_errors_excuses_little_more_than_exact_texels_are_off() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut recipe = EnvironmentRecipe::new("builtin:sun");
+    (recipe.size, recipe.min_size, recipe.irradiance, recipe.fit) = (8, 2, IrradianceKind::None, Fit::Lookup);
+    recipe.format = "ktx2:rgba32f".parse().expect("a format");
+    let source = bake::source(&recipe).expect("built in");
+    let baked = bake::environment(&recipe, &source, &|_| {}).expect("bakes");
+    baked.write(folder.path()).expect("writes");
+    let path = folder.path().join("specular.ktx2");
+    let mut texture = ktx2::decode(&std::fs::read(&path).expect("reads")).expect("own file");
+    let mut certificate = baked.certificate;
+    certificate.levels.iter_mut().filter_map(|level| level.lookup.as_mut()).for_each(|lookup| lookup.max = 1e9);
+    texture.metadata = vec![(KEY.to_owned(), certificate.to_json().expect("printable"))];
+    std::fs::write(&path, ktx2::encode(&texture).expect("encodes")).expect("writes");
+    let whole = verify_spoiled_cube(folder.path(), |_| {});
+    assert_eq!(failed(&whole), [""; 0], "{:?}", whole.checks);
+    let spoiled = verify_spoiled_cube(folder.path(), |levels| levels[2].iter_mut().for_each(|value| *value *= 1e3));
+    let name = "full sum through bilinear filtering, relative";
+    assert_eq!(failed(&spoiled), [name], "{:?}", spoiled.checks);
 }
 
 #[test]

@@ -6,12 +6,13 @@
 //! **Source**: Basis Universal, `basisu_transcoder.cpp`, `bc6h_enc_block_1subset_4bit_weights` and its neighbours, for the rule; Khronos, *Data
 //! Format Specification* 1.4, BPTC compressed texture image formats, for what the result stands for.
 
-use super::decode::{between, half};
+use super::decode::half;
 use super::layout::{MODES, Mixed, PATTERNS, TEXELS};
+use crate::pack::bc6h::{self, between, stretched};
 use std::sync::LazyLock;
 
 /// Weights of four bits and of three.
-const FINE: [i32; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
+const FINE: [i32; 16] = bc6h::WEIGHTS;
 const COARSE: [i32; 8] = [0, 9, 18, 27, 37, 46, 55, 64];
 
 /// Bits of the first end point, and of the difference of each other one in red, green and blue: in the order in which they are tried.
@@ -48,10 +49,10 @@ pub(super) fn texels(mixed: &Mixed) -> [[u16; 3]; TEXELS] {
         })
     };
     let bits = modes.iter().find(|mode| fits(mode)).map_or(last, |mode| mode.0);
-    let ends = ends.map(|subset| subset.map(|end| end.map(|v| unquantised(quantised(v, bits), bits))));
+    let ends = ends.map(|subset| subset.map(|end| end.map(|v| stretched(quantised(v, bits), bits))));
     std::array::from_fn(|texel| {
         let [low, high] = ends[mixed.subset(texel)];
-        [0, 1, 2].map(|c| ((between(low[c], high[c], weights[texel]) * 31) >> 6) as u16)
+        [0, 1, 2].map(|c| between(low[c], high[c], weights[texel]))
     })
 }
 
@@ -101,14 +102,4 @@ const ANCHORS: [usize; 32] = [
 /// The bits of a half, stretched to 16 bits of which the highest are kept.
 fn quantised(half: u32, bits: u32) -> u32 {
     (half * 64 + 30) / (31 << (16 - bits))
-}
-
-fn unquantised(value: u32, bits: u32) -> i32 {
-    (if bits >= 15 || value == 0 {
-        value
-    } else if value == (1 << bits) - 1 {
-        0xffff
-    } else {
-        ((value << 16) + 0x8000) >> bits
-    }) as i32
 }
