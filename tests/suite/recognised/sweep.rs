@@ -76,8 +76,13 @@ impl Kind {
     /// Whether values exceed 1, or are below 0.
     fn is_bright(&self) -> bool {
         self.table.name.starts_with("charlie")
-            || ["compensation", "cloth-split"].contains(&self.table.name)
-            || self.table.name.starts_with("ltc")
+            || ["compensation", "cloth-split", "oren-nayar-albedo"].contains(&self.table.name)
+            || self.is_signed()
+    }
+
+    /// Whether some are below 0: where a metal is darkest, F82 has it darker than black beside that.
+    fn is_signed(&self) -> bool {
+        self.table.name.starts_with("ltc") || self.table.name == "fresnel-f82"
     }
 }
 
@@ -202,8 +207,7 @@ impl Written {
             _ => true,
         };
         // What is compensated exceeds what these have, and they have no minus.
-        let beyond =
-            (kind.table.name == "compensation" || kind.table.name.starts_with("ltc")) && matches!(self, Self::Coded(_));
+        let beyond = (kind.table.name == "compensation" || kind.is_signed()) && matches!(self, Self::Coded(_));
         fits && !beyond && !(within_one && kind.is_bright())
     }
 
