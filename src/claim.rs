@@ -60,6 +60,11 @@ impl Curve {
             Self::Root => (v * v).copysign(v),
         }
     }
+
+    /// Whether all of these may be stored through it: a ratio does not exceed 1.
+    pub fn admits(self, values: &[f64]) -> bool {
+        self != Self::Ratio || !values.iter().any(|&v| v > 1.0)
+    }
 }
 
 impl Encoding {

@@ -99,6 +99,11 @@ fn text(name: &str, found: &Identification) -> String {
         text += &format!("in short: {}\n", found.words.join(", "));
     }
     for c in &found.channels {
+        match c.not_finite {
+            0 => {}
+            1 => text += &format!("{}: 1 value is NaN or infinite, and counts for nothing\n", c.channel),
+            n => text += &format!("{}: {n} values are NaN or infinite, and count for nothing\n", c.channel),
+        }
         for same in &c.same {
             text += &format!("{}: {same} comes to the same numbers, nothing tells them apart\n", c.channel);
         }

@@ -124,6 +124,11 @@ impl Grid {
         self.values.iter().copied().skip(c).step_by(self.channels.len()).collect()
     }
 
+    /// How many values of channel `c` are NaN or infinite.
+    pub fn not_finite(&self, c: usize) -> usize {
+        self.channel(c).iter().filter(|v| !v.is_finite()).count()
+    }
+
     /// `64 × 64 texels of 2 channels, half floats (KTX2)`.
     pub fn summary(&self) -> String {
         let sizes: Vec<String> =

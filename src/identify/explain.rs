@@ -20,6 +20,8 @@ pub struct ChannelFinding {
     pub channel: String,
     /// How it is stored.
     pub stored: Stored,
+    /// How many of its values are NaN or infinite: of these nothing is said.
+    pub not_finite: usize,
     /// How sure it is.
     pub confidence: Confidence,
     /// What it holds, in a few words: `scale`, `E`, `constant 0`, `unknown`.
@@ -173,6 +175,7 @@ fn constant(grid: &Grid, c: usize) -> ChannelFinding {
     ChannelFinding {
         channel: channel.name.clone(),
         stored: channel.stored,
+        not_finite: grid.not_finite(c),
         confidence: Confidence::Certain,
         holds: format!("constant {value:.6}{empty}"),
         quantity: None,
@@ -202,6 +205,7 @@ fn found(
     let unknown = ChannelFinding {
         channel: grid.channels[c].name.clone(),
         stored: grid.channels[c].stored,
+        not_finite: grid.not_finite(c),
         confidence: Confidence::Unknown,
         holds: "unknown".to_owned(),
         quantity: None,

@@ -3,6 +3,7 @@
 use super::apart::{Apart, apart, blocks, pattern};
 use super::hypothesis::{self, Choice, Data, Hypothesis};
 use super::masters::Definition;
+use crate::claim::Curve;
 use crate::error::{Error, Result};
 use crate::integrate::{Estimate, Integration, Settings};
 use crate::model::charlie::Visibility;
@@ -193,7 +194,7 @@ impl Judge {
         let step = (n * 5 / 8..n).find(share_none).unwrap_or(1);
         for k in 0..n.min(look) {
             let texel = k * step % n;
-            if is_off(self.at_texel(hypothesis, data, texel)?, data, texel) {
+            if is_off(self.at_texel(hypothesis, data, texel)?, hypothesis.encoding.curve, data, texel) {
                 return Ok(true);
             }
         }
@@ -223,8 +224,10 @@ impl Judge {
         let texels = hypothesis::indices(&data.sizes, &choice);
         let says: Vec<(f64, f64)> =
             texels.par_iter().map(|&texel| self.at_texel(&hypothesis, data, texel)).collect::<Result<_>>()?;
-        let off =
-            |(says, &texel): (&(f64, f64), &usize)| ((says.0 - data.values[texel]).abs(), is_off(*says, data, texel));
+        let curve = hypothesis.encoding.curve;
+        let off = |(says, &texel): (&(f64, f64), &usize)| {
+            ((says.0 - data.values[texel]).abs(), is_off(*says, curve, data, texel))
+        };
         let offs: Vec<(f64, bool)> = says.iter().zip(&texels).map(off).filter(|(off, _)| off.is_finite()).collect();
         let misrounded = offs.iter().filter(|(_, far)| *far).count() as f64 / offs.len().max(1) as f64;
         let mut squares: Vec<f64> = offs.iter().map(|(off, _)| off * off).collect();
@@ -299,7 +302,11 @@ impl Judge {
     }
 }
 
-/// Whether a texel is not the correct rounding of what is said of it.
-fn is_off((says, error): (f64, f64), data: &Data, texel: usize) -> bool {
-    (says - data.values[texel]).abs() > 0.5 * data.steps[texel] + 2.0 * JUDGED_TO + error
+/// Whether a texel is not the correct rounding of what is said of it: neither the nearest code, nor that of which the value is nearest, which
+/// packers take.
+fn is_off((says, error): (f64, f64), curve: Curve, data: &Data, texel: usize) -> bool {
+    let (code, step) = (data.values[texel], data.steps[texel]);
+    let neighbour = code + step.copysign(says - code);
+    let half_way = curve.apply(0.5 * (curve.undo(code) + curve.undo(neighbour)));
+    (says - code).abs() > f64::max(0.5 * step, (half_way - code).abs()) + 2.0 * JUDGED_TO + error
 }

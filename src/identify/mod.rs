@@ -223,7 +223,7 @@ fn check(grid: &Grid) -> Result<()> {
         ));
     }
     for (c, channel) in grid.channels.iter().enumerate() {
-        let bad = grid.channel(c).iter().filter(|v| !v.is_finite()).count();
+        let bad = grid.not_finite(c);
         if 2 * bad > grid.texels() {
             return Err(Error::invalid(
                 format!("{bad} of {} values of channel {} are NaN or infinite", grid.texels(), channel.name),

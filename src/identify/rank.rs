@@ -269,9 +269,6 @@ fn says(h: &Hypothesis) -> String {
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
 const SHARED_IS_AS_GOOD: f64 = 1.5;
 
-/// The same by the masters alone, beyond which quadrature is not asked.
-const NOT_WORTH_A_LOOK: f64 = 10.0;
-
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well. `shelves`: whose quantities they may be.
 pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shelf], options: &Options, judge: &Judge) {
@@ -298,7 +295,7 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shel
                 continue;
             }
             for quantity in 0..master.definition.quantities().len() {
-                for curve in Curve::ALL {
+                for curve in Curve::ALL.into_iter().filter(|curve| curve.admits(&data.values)) {
                     let mut h = Hypothesis { master: Arc::clone(&master), quantity, ..anchor.clone() };
                     h.encoding.curve = curve;
                     shared.push(fit::resettle(&h, data, &choice));
@@ -326,14 +323,14 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shel
             continue;
         }
         let (hypothesis, cost) = shared.swap_remove(own_model);
-        let hopeless = list.first().is_some_and(|own| cost > NOT_WORTH_A_LOOK * own.cost);
+        // By masters alone it may look far worse: they bend where a quantity has a kink, to which another explanation was fitted.
         let as_good = |new: &Ranked| {
             list.first().is_none_or(|own| {
                 let as_cheap = new.exact_cost(data) <= SHARED_IS_AS_GOOD * own.exact_cost(data);
                 new.is_exact() || (as_cheap && !own.is_exact())
             })
         };
-        if !hopeless && let Some(new) = judge.judged(hypothesis, cost, data).ok().filter(as_good) {
+        if let Some(new) = judge.judged(hypothesis, cost, data).ok().filter(as_good) {
             let is_other = |r: &Ranked| r.is_exact() && r.hypothesis.ramps != new.hypothesis.ramps;
             list.retain(|r| says(&r.hypothesis) != says(&new.hypothesis) || is_other(r));
             // What comes second over the same axes is a rival, too.

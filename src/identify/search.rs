@@ -86,7 +86,8 @@ pub fn search(
         .enumerate()
         .flat_map(|(c, data)| {
             let at = data.at(&choice);
-            curves.iter().map(move |&curve| (c, curve, at.iter().map(|&v| curve.undo(v)).collect()))
+            let curves = curves.iter().filter(|curve| curve.admits(&data.values));
+            curves.map(move |&curve| (c, curve, at.iter().map(|&v| curve.undo(v)).collect()))
         })
         .collect();
     let jobs: Vec<Job> = masters

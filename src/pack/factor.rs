@@ -23,6 +23,18 @@ impl Curve {
         below.max(above)
     }
 
+    /// The factor of a texel whose largest channel is stored as `brightest`, of three that rise from the least that reaches that: what was
+    /// rounded down may be below where the factor that it was given begins, and even the one before.
+    pub(super) fn factor_of(&self, brightest: f64, rising: [f64; 3]) -> f64 {
+        /// What is read is rounded to a float.
+        const SAME: f64 = 1e-6;
+        let was_rounded_down = |pair: &&[f64]| {
+            let stored = self.curve[usize::from(self.nearest(brightest, pair[1]))] * pair[1];
+            (stored - brightest).abs() <= SAME * brightest && stored + 0.5 * self.step(brightest, pair[1]) > pair[0]
+        };
+        rising.windows(2).rfind(was_rounded_down).map_or(rising[0], |pair| pair[1])
+    }
+
     /// The code of a texel with that fourth byte, and what it stands for.
     pub(super) fn texel(&self, values: [f64; 3], fourth: u8, factor: f64) -> ([u8; 4], [f64; 3]) {
         let [r, g, b] = values.map(|value| self.nearest(value, factor));
@@ -61,9 +73,14 @@ pub(super) mod tests {
         least: impl Fn(&dyn Fn(u8) -> f64) -> Option<u8>,
     ) {
         let mut random = Random(19);
-        for _ in 0..2000 {
+        for i in 0..4000 {
             let scale = max * random.unit().powi(4);
-            let texel = [0; 3].map(|_| random.unit() * scale);
+            let mut texel = [0; 3].map(|_| random.unit() * scale);
+            if i % 2 == 1 {
+                // A little beyond a factor, which the brightest may be rounded below.
+                let beyond = (factor(random.below(256) as u8) * (1.0 + 1e-9)).min(max);
+                texel = [beyond, random.unit() * beyond, random.unit() * beyond];
+            }
             let brightest = largest(texel);
             let fitting = |byte: u8| if factor(byte) >= brightest { factor(byte) } else { f64::INFINITY };
             let fourth = least(&fitting).unwrap();
@@ -77,6 +94,9 @@ pub(super) mod tests {
                 let off = (f64::from(values[c]) - texel[c]).abs();
                 assert!((off - nearest).abs() <= 1e-7 * max, "{off} and {nearest}");
                 assert!(nearest <= 0.5 * step(texel[c], brightest), "{nearest} is more than half a step");
+                let stored = values.iter().fold(0.0, |most, &v| f64::max(most, f64::from(v)));
+                let as_read = 0.5 * step(f64::from(values[c]), stored);
+                assert!(nearest <= as_read + 1e-7 * brightest, "{nearest} is more than half a step of what is read");
                 assert!(report.max_abs_error >= nearest);
             }
         }

@@ -33,9 +33,10 @@ pub fn unpack(bytes: &[u8]) -> Vec<f32> {
     triple::unpack(bytes, |code| CURVE.value(code, factor(code[3])))
 }
 
-/// The distance between values that a channel can have at `value`, in a texel whose largest channel is `brightest`.
+/// The distance between values that a channel can have at `value`, in a texel whose largest channel is `brightest`, or is stored as that.
 pub fn step(value: f64, brightest: f64) -> f64 {
-    CURVE.step(value, factor(divisor(brightest)))
+    let d = divisor(brightest);
+    CURVE.step(value, CURVE.factor_of(brightest, [0, 1, 2].map(|n| factor(d.saturating_sub(n)))))
 }
 
 fn factor(d: u8) -> f64 {

@@ -305,6 +305,15 @@ fn what_is_no_table_is_unknown() {
 }
 
 #[test]
+fn values_that_are_no_numbers_are_counted_and_the_others_are_named() {
+    let mut grid = integrated(&sized("dfg", FormatSpec::exr(kiln::pack::Number::F32), 16));
+    (grid.values[40], grid.values[90]) = (f64::NAN, f64::INFINITY);
+    let found = found(&grid);
+    assert_eq!(quantities(&found), ["ggx.scale", "ggx.bias"], "{found:#?}");
+    assert_eq!(found.channels.iter().map(|c| c.not_finite).collect::<Vec<_>>(), [2, 0], "{found:#?}");
+}
+
+#[test]
 fn layers_of_an_array_are_looked_at_one_by_one() {
     let recipe = sized("dfg", FormatSpec::exr(kiln::pack::Number::F32), 16);
     let spec = recipe.spec().unwrap();

@@ -136,8 +136,9 @@ impl Grid {
             None => RawNumber::U8,
         };
         if n.checked_mul(number.bytes()) != Some(bytes.len()) {
+            let sizes = described.number.map_or("1, 2, 4 or 8".to_owned(), |number| number.bytes().to_string());
             return Err(Error::invalid(
-                format!("{} bytes, which are not {shape} numbers of {} bytes", bytes.len(), number.bytes()),
+                format!("{} bytes, which are not {shape} numbers of {sizes} each", bytes.len()),
                 "correct --shape or --number",
             ));
         }

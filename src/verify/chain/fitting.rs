@@ -17,8 +17,8 @@ const STEP: f64 = 1.27;
 /// The narrowest that is tried, of a cap and of a sheen, which is wider by far at the same alpha.
 const NARROWEST: f64 = 0.012;
 const NARROWEST_SHEEN: f64 = LEAST_SHEEN * LEAST_SHEEN;
-/// Sheens narrower than this take thousands of harmonics, so that texels are summed for few directions. They, and what is narrower than a
-/// texel, are tried where the narrowest of the wider ones fits better than any other kernel.
+/// Sheens narrower than this take thousands of harmonics, so that texels are summed for few directions. They are tried where the narrowest of
+/// the wider ones fits better than any other kernel.
 const SLOW_SHEEN: f64 = 0.1;
 /// Texels of a level that its width is fitted to, and of such a sheen.
 const SAMPLES: usize = 768;
@@ -28,6 +28,8 @@ const BELIEVED: f64 = 0.5;
 const MOST_RESIDUAL: f64 = 0.35;
 /// The spread below which a truth has nothing to compare.
 const FLAT: f64 = 1e-3;
+/// What the source leaves of a level that is the source, in parts of what a kernel as wide as a texel does: less than this.
+const OF_THE_SOURCE: f64 = 0.2;
 /// Another kernel must leave this many times as much for the best one to be believed.
 const MARGIN: f64 = 1.1;
 /// Fits closer than this cannot be told apart, whatever their ratio: rounding to halves.
@@ -64,9 +66,16 @@ struct Best {
     residual: f64,
     /// The spread of the truth itself.
     own: f64,
+    /// What the narrowest width that was tried leaves.
+    of_narrowest: f64,
 }
 
 impl Best {
+    /// Whether the source fits best, but not as if it were what the level holds: something narrower than the narrowest width may be.
+    fn is_nearly_source(&self) -> bool {
+        self.alpha == 0.0 && self.residual > ROUNDING && self.residual > OF_THE_SOURCE * self.of_narrowest
+    }
+
     fn is_believed(&self) -> bool {
         // What is the same everywhere tells nothing of widths.
         self.own > FLAT && self.residual <= BELIEVED * self.own && self.residual <= MOST_RESIDUAL
@@ -93,8 +102,11 @@ impl Fitting<'_> {
             let all: Vec<usize> = (0..self.levels.len()).collect();
             let mut fit = self.best_widths(kind, &alphas[quick..], &all, SAMPLES);
             let may_be_narrower = |&m: &usize| {
-                let narrowest = fit[m].alpha > 0.0 && fit[m].alpha < 1.001 * alphas[quick];
-                narrowest && fits.iter().all(|others| fit[m].residual <= others[m].residual)
+                let is_narrowest = fit[m].alpha > 0.0 && fit[m].alpha < 1.001 * alphas[quick];
+                match kind {
+                    KernelKind::Charlie => is_narrowest && fits.iter().all(|o| fit[m].residual <= o[m].residual),
+                    KernelKind::Nol | KernelKind::G1 => is_narrowest || fit[m].is_nearly_source(),
+                }
             };
             let narrower: Vec<usize> = all.into_iter().filter(may_be_narrower).collect();
             if quick > 0 && !narrower.is_empty() {
@@ -278,8 +290,10 @@ impl Sample {
         }
         let zeros = vec![0.0; self.seen.len()];
         let mirror = self.residual(&self.mirror);
+        let of_narrowest = coarse[0];
         if mirror <= residual {
-            return Best { alpha: 0.0, range: [0.0; 2], residual: mirror, own: log_ratio_spread(&self.mirror, &zeros) };
+            let own = log_ratio_spread(&self.mirror, &zeros);
+            return Best { alpha: 0.0, range: [0.0; 2], residual: mirror, own, of_narrowest };
         }
         let truth = self.at(position);
         let alpha = |position: f64| {
@@ -292,6 +306,7 @@ impl Sample {
             range: self.range(position, last as f64).map(alpha),
             residual,
             own: log_ratio_spread(&truth, &zeros),
+            of_narrowest,
         }
     }
 
