@@ -4,8 +4,10 @@
 //! direction is a smooth function of θ at the poles). How many points: the kernel has its complex
 //! singularities at an angular distance δ from a box (GGX: √(4α²/(1−α²) + distance²); its cosine, like
 //! sin θ, varies over one radian, so that δ counts as 1 at most; other kernels have other δ), and n points on a box of extent h leave an
-//! error of about (h/4δ)^2n; a box too close for the largest rule is cut in two or four. Where the lobe's horizon crosses a box, each line of
+//! error of about (h/4δ)^2n; a box too close for the largest rule is cut in two or four, or integrated along its boundary (`ring`). Where the lobe's horizon crosses a box, each line of
 //! constant θ is cut exactly where c = 0. What is far from all that is summed by cells of many texels (`cells`), to fewer than 1e-7.
+
+mod ring;
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -27,8 +29,9 @@ const RULES: [(usize, f64); 4] = [(2, 0.06), (3, 0.25), (4, 0.5), (6, 1.0)];
 /// How many of them may be taken for nearly all texels.
 const BULK_RULES: usize = 3;
 
-/// Points of the rule for slabs of large boxes.
+/// Points of the rule for slabs of large boxes, and of that for panels of their sides.
 const BENT: usize = 10;
+const OF_SIDES: usize = 10;
 
 /// Extents below which a box is flat enough, in radians: the sphere bends by 2e-4 of it.
 const FLAT: f64 = 0.02;
@@ -50,6 +53,8 @@ pub struct FullSum<'a> {
     rules: Vec<Rule>,
     /// For slabs of large boxes, as [`bent`] makes it.
     bent: Rule,
+    /// For panels of the sides of boxes.
+    sides: Rule,
     /// Whether far cells may be taken whole.
     by_cells: bool,
     whole: Arc<OnceLock<Whole>>,
@@ -93,7 +98,7 @@ struct Parallel {
 }
 
 /// A box in φ and θ.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Patch {
     phi: [f64; 2],
     theta: [f64; 2],
@@ -116,6 +121,7 @@ impl<'a> FullSum<'a> {
             base: panorama.min().map(f64::from),
             rules: RULES.iter().map(|&(n, _)| gauss_legendre(n)).collect(),
             bent: bent(BENT),
+            sides: gauss_legendre(OF_SIDES),
             by_cells: true,
             whole: Arc::default(),
             instructions: InstructionSet::detect(),
@@ -125,7 +131,8 @@ impl<'a> FullSum<'a> {
     /// The same texel by texel, none of them taken for flat, with `extra` more points per side of each box: how a test or a cautious user sees the error.
     pub fn with_extra_points(panorama: &'a Panorama, extra: usize) -> Self {
         let rules = RULES.iter().map(|&(n, _)| gauss_legendre(n + extra)).collect();
-        Self { rules, bent: bent(BENT + extra), by_cells: false, ..Self::new(panorama) }
+        let sides = gauss_legendre(OF_SIDES + extra);
+        Self { rules, bent: bent(BENT + extra), sides, by_cells: false, ..Self::new(panorama) }
     }
 
     /// Prepares sums over the whole panorama on all threads. The first of them would do so on its own.
@@ -383,6 +390,7 @@ impl<'a> FullSum<'a> {
                 let is_polar = sin < theta.1 * POLAR as f64;
                 product_above(patch, lobe, &self.rules[(rule + usize::from(is_polar)).min(RULES.len() - 1)])
             }
+            None if lobe.kernel.is_ring() => ring::over_box(patch, lobe, &self.sides),
             None => {
                 // The longer side, or both: at a pole, where boxes are slivers, halving azimuths would double their number for nothing.
                 let halves = |[low, high]: [f64; 2], middle: f64| [[low, middle], [middle, high]];

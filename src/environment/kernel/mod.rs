@@ -245,6 +245,16 @@ impl Kernel {
         self.kind == KernelKind::Charlie
     }
 
+    /// p, and the cosine above which there is nothing of a sheen.
+    pub(crate) fn ring(&self) -> [f64; 2] {
+        [self.power, -libm::expm1(NOTHING / self.power)]
+    }
+
+    /// ∫ K dw from the axis to w, of a sheen: w^(p + 1) (1 + (p + 1) c)/2π, per radian of azimuth.
+    pub(crate) fn within(&self, w: f64) -> f64 {
+        power(w, self.power + 1.0) * (1.0 + (self.power + 1.0) * (1.0 - w)) / TAU
+    }
+
     /// How narrow its narrowest part is, in radians: for caps the distance of the singularities from the axis to first order.
     pub(crate) fn width(&self) -> f64 {
         if self.is_ring() { (2.0 / self.power).min(2.0) } else { 2.0 * self.alpha }

@@ -11,18 +11,21 @@ use std::f64::consts::{PI, TAU};
 
 /// Points along a texel's sides: so many make a ring at least so many points wide.
 const ACROSS: f64 = 3.0;
+/// But no more than that along them, or where texels are so large that a ring lies between their points, as many as make so many rows.
 const MOST_ALONG: usize = 3;
+const LEAST_ROWS: usize = 192;
 /// Times the width of a ring, 1/p, beyond which there is nothing of it.
 const REACH: f64 = 14.0;
 
 /// The panorama filtered by sheens in some directions, kernel by kernel.
 pub(super) fn sheens(source: &Panorama, kernels: &[Kernel], directions: &[DVec3]) -> Vec<Vec<[f64; 3]>> {
     let mut values = vec![vec![]; kernels.len()];
+    let most = MOST_ALONG.max(LEAST_ROWS / source.height());
     let along = |kernel: &Kernel| {
         let ring = kernel.alpha() * 2.0; // 1/p: where it is brightest
-        ((ACROSS * PI / source.height() as f64 / ring).ceil() as usize).clamp(1, MOST_ALONG)
+        ((ACROSS * PI / source.height() as f64 / ring).ceil() as usize).clamp(1, most)
     };
-    for k in 1..=MOST_ALONG {
+    for k in 1..=most {
         let some: Vec<usize> = (0..kernels.len()).filter(|&i| along(&kernels[i]) == k).collect();
         if some.is_empty() {
             continue;
