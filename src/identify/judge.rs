@@ -90,7 +90,8 @@ impl Ranked {
 pub struct Noise {
     /// What neighbouring texels have in common of it: about 1 of independent noise, many times as much of what has a pattern.
     pub pattern: f64,
-    /// Where it has none: how many random samples a texel, of the quantity's own sampler, leave as much.
+    /// Where it has none: how many random samples a texel, of the quantity's own sampler, leave as much; nothing where nobody draws so few or
+    /// so many.
     pub samples: Option<f64>,
 }
 
@@ -281,6 +282,8 @@ impl Judge {
         /// Texels that are looked at, and samples that their variance is learnt from.
         const LOOKED_AT: usize = 96;
         const LEARNT_FROM: u64 = 256;
+        /// Nobody draws more for a texel: what is as little as they would leave, arithmetic left.
+        const MOST: f64 = 1e9;
         /// The middle of the squares of numbers of variance 1 that are spread as errors are.
         const MEDIAN: f64 = 0.4549;
         let definition = &best.hypothesis.master.definition;
@@ -298,7 +301,7 @@ impl Judge {
         });
         let mut squares: Vec<f64> = some.filter(|square| square.is_finite()).collect();
         squares.sort_by(f64::total_cmp);
-        Ok(squares.get(squares.len() / 2).map(|middle| MEDIAN / middle).filter(|n| n.is_finite() && *n >= 1.0))
+        Ok(squares.get(squares.len() / 2).map(|middle| MEDIAN / middle).filter(|n| (1.0..=MOST).contains(n)))
     }
 }
 

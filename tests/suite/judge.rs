@@ -255,6 +255,14 @@ fn noise_is_told_from_a_pattern_and_many_texels_from_few() {
     // The sampler that counts draws better than an engine's: a factor of two.
     let samples = noise.samples.unwrap();
     assert!(!noise.is_patterned() && (0.5..2.0).contains(&(samples / SAMPLES as f64)), "{noise:?}");
+    // What sums in single precision leave is noise too, but not of samples.
+    let mut summed = integrated(&sized("dfg", FormatSpec::exr(kiln::pack::Number::F32), 24));
+    summed.values.iter_mut().for_each(|v| *v += 1.2e-6 * (random.unit() - 0.5));
+    let summed = found(&bare(&summed.values, "24x24x2"));
+    assert_eq!(quantities(&summed), ["ggx.scale", "ggx.bias"], "{summed:#?}");
+    for noise in summed.channels.iter().map(|c| c.noise.unwrap()) {
+        assert!(!noise.is_patterned() && noise.samples.is_none(), "{noise:?}");
+    }
     // The same points for every texel are wrong alike in all.
     let same = found(
         &Engine { size: [24, 24], place: |x, y| [(x + 0.5) / 24.0, (y + 0.5) / 24.0], samples: 256, ..PLAIN }.grid(),

@@ -76,7 +76,8 @@ impl Kind {
     /// Whether values exceed 1, or are below 0.
     fn is_bright(&self) -> bool {
         self.table.name.starts_with("charlie")
-            || ["compensation", "cloth-split", "oren-nayar-albedo"].contains(&self.table.name)
+            || ["compensation", "cloth-split", "oren-nayar-albedo", "burley-albedo"].contains(&self.table.name)
+            || (self.table.name == "layered-albedo" && self.model.kd == Kd::Fresnel)
             || self.is_signed()
     }
 
