@@ -48,7 +48,8 @@ fn recipe(table: &NamedTable) -> TableRecipe {
 /// A named table as `kiln table NAME` bakes it: which of the lobes of one name is meant, the axes and the values say.
 fn named(table: &NamedTable, model: Model) {
     let spec = TableSpec { model, ..recipe(table).spec().expect("quantities") };
-    let integration = Integration::new(Settings::default()).expect("valid settings");
+    let settings = Settings { tolerance: table.tolerance, ..Settings::default() };
+    let integration = Integration::new(settings).expect("valid settings");
     black_box(spec.bake(&integration, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", table.name)));
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::full_sum::FullSum;
+use crate::environment::seamless::means_to_judge_by;
 use crate::environment::{
     CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, SphereLayout, SphereMap, View, ViewLobe,
 };
@@ -321,7 +322,7 @@ impl EnvironmentValues<'_> {
         seed: u64,
     ) -> Check {
         let map = self.map(level);
-        let mean = panorama.mean();
+        let mean = means_to_judge_by(panorama.mean());
         let n = level.texels.len() as f64;
         let centres = self.chosen(level, Some(sum.sun()), WITNESS_POINTS, seed);
         let anywhere = weyl(seed, LOOKUPS).map(|a| {
@@ -339,7 +340,7 @@ impl EnvironmentValues<'_> {
                 let seen = map.filtered(direction);
                 (0..3)
                     .map(|c| {
-                        let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
+                        let scale = wanted[c].abs().max(DARK_FLOOR * mean[c]);
                         let off = if seen[c] == wanted[c] { 0.0 } else { (seen[c] - wanted[c]).abs() / scale };
                         if off.is_nan() { f64::INFINITY } else { off }
                     })

@@ -154,6 +154,13 @@ pub struct Probe {
 /// Strata along an edge of a face: 3456 points, two for each cell of a level of 16²; a probe is to cost less than the filter.
 const STRATA: usize = 24;
 
+/// What errors are in parts of where it is dark: a channel's mean, or the brightest channel's where that is nothing. (What a block leaves of blue in a map
+/// without any is no infinite error.)
+pub(crate) fn means_to_judge_by(mean: [f64; 3]) -> [f64; 3] {
+    let brightest = mean.iter().fold(0.0_f64, |most, mean| most.max(mean.abs()));
+    mean.map(|mean| if mean == 0.0 { brightest } else { mean.abs() })
+}
+
 impl Probe {
     /// One point in each of 3456 parts of the sphere, and a close look where the cube bends most, which is where blending does worst.
     ///
@@ -194,9 +201,7 @@ impl Probe {
     }
 
     fn judge_by(&self, filtered: impl Fn(DVec3) -> [f64; 3] + Sync, orientation: Orientation) -> CubeLookup {
-        // What a block leaves of blue in a map without any is no infinite error.
-        let brightest = self.mean.iter().fold(0.0_f64, |most, mean| most.max(mean.abs()));
-        let mean = self.mean.map(|mean| if mean == 0.0 { brightest } else { mean.abs() });
+        let mean = means_to_judge_by(self.mean);
         let errors: Vec<[f64; 3]> = (self.directions.par_iter().zip(&self.truth))
             .map(|(direction, truth)| {
                 let seen = filtered(orientation.lookup(*direction));
