@@ -56,8 +56,7 @@ impl Beyond {
         let before = window(&lambda[..=from(LAST)], from(LAST * LAST));
         let mut peaks = last.peaks;
         for (peak, before) in peaks.iter_mut().zip(&before.peaks) {
-            peak.values = std::array::from_fn(|c| to_come(before.values[c], peak.values[c]));
-            peak.height = (0..3).map(|c| peak.values[c] * weights[c]).fold(0.0, f64::max);
+            peak.rises_to(std::array::from_fn(|c| to_come(before.values[c], peak.values[c])), weights);
         }
         Self { eigenvalues: last.eigenvalues, peaks }
     }

@@ -6,7 +6,8 @@
 //! what is off is done again with more peeled texels and more degrees, and in the end by the full sum itself.
 //!
 //! What is told and what is measured err to opposite sides: what many small lights leave out is told to be twice as much as it is, and a few directions
-//! miss as much of the ripples that a single one leaves. The truth was between them on random maps of all kinds; so the mean is taken, of their logarithms.
+//! miss as much of the ripples that a single one leaves. The truth was mostly between them on random maps of all kinds; so the mean is taken, of their
+//! logarithms, or what was measured where that is more.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::PoisonError;
@@ -27,7 +28,7 @@ use crate::math::quadrature::gauss_legendre;
 
 /// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.45 of the bound on some thousands of random maps.
 const LOOK: f64 = 2e-4;
-/// What the last degrees may tell for what is left out to be little: it was at most as much as that on the same maps.
+/// What the last degrees may tell for what is left out to be little.
 const GOOD: f64 = 8e-5;
 /// The part of it from which on directions are among those that a certificate looks at; how many these are at most, and those that are measured beside.
 const SEEN: f64 = 0.25;
