@@ -276,16 +276,18 @@ impl Kernel {
         4.0 * self.alpha.powi(2) / (1.0 - self.alpha.powi(2)).max(1e-300)
     }
 
-    /// K ≈ a c + b c² where c is small beside the third number.
-    pub(crate) fn horizon(&self) -> [f64; 3] {
-        let n = self.norm;
+    /// K ≈ a c + b c² + d c³ where c is small beside the fourth number.
+    pub(crate) fn horizon(&self) -> [f64; 4] {
+        let (n, beta, p) = (self.norm, self.beta, self.power);
         match self.kind {
-            KernelKind::Nol => [n, 2.0 * self.beta * n, 1.0],
+            KernelKind::Nol => [n, 2.0 * beta * n, 3.0 * beta * beta * n, 1.0],
             KernelKind::G1 => {
-                let a = 2.0 * n / self.alpha;
-                [a, a * (2.0 * self.beta - 1.0 / self.alpha), self.alpha]
+                // 2c/(c + √(α² + (1 − α²) c²)) is 2/α (c − c²/α + (1 + α²) c³/2α² − …).
+                let (a, steep) = (2.0 * n / self.alpha, 1.0 / self.alpha);
+                let third = 3.0 * beta * beta - 2.0 * beta * steep + 0.5 * (1.0 + steep * steep);
+                [a, a * (2.0 * beta - steep), a * third, self.alpha]
             }
-            KernelKind::Charlie => [n, -self.power * n, (1.0 / self.power).min(1.0)],
+            KernelKind::Charlie => [n, -p * n, 0.5 * p * (p - 1.0) * n, (1.0 / p).min(1.0)],
         }
     }
 
@@ -528,12 +530,12 @@ mod tests {
                 let scale = (k(c) / (kernel.alpha() * kernel.alpha())).max(got.abs());
                 assert!((got - wanted).abs() < 1e-4 * scale, "{kernel:?}, c = {c}: {got}, {wanted}");
             }
-            let [a, b, length] = kernel.horizon();
+            let [a, b, d, length] = kernel.horizon();
             for part in [0.01, 0.03] {
                 let c = part * length;
-                let (got, wanted) = (a * c + b * c * c, kernel.eval(1.0 - c));
-                // The third term, of which no kernel has more than thrice its own scale.
-                assert!((got / wanted - 1.0).abs() < 3.0 * part * part + 1e-9, "{kernel:?}, c = {c}: {got}, {wanted}");
+                let (got, wanted) = (c * (a + c * (b + c * d)), kernel.eval(1.0 - c));
+                // The fourth term, of which no kernel has more than four times its own scale.
+                assert!((got / wanted - 1.0).abs() < 4.5 * part.powi(3) + 1e-9, "{kernel:?}, c = {c}: {got}, {wanted}");
             }
         }
     }

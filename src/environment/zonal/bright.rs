@@ -2,7 +2,7 @@
 //!
 //! A texel's mean of K(R·l) is K(c̄) + K″(c̄) (g₁² + g₂²)/6, c̄ = R·(mean of l), g₁ and g₂ half the change of c across its height and
 //! its width; what is left out is of fourth order in extent/distance. Texels too close for that are integrated exactly; those that
-//! the horizon crosses take the integral of the first two terms of K over a flat texel, or, where they are bright enough for a flat texel
+//! the horizon crosses take the integral of the first two terms of K over a texel that is bent to first order, or, where they are bright enough for that
 //! not to be enough, the exact one.
 //!
 //! Of fine panoramas a sun is many texels. Seen from far enough they are one light, with a mean direction and second moments of its own in
@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::lanes::{LANES, V, ZERO, add, scale_add, total};
-use crate::environment::full_sum::{FullSum, Lobe, flat_horizon, is_flat};
+use crate::environment::full_sum::{Bend, FullSum, Lobe, across_horizon, is_flat, off_across};
 use crate::environment::kernel::{Kernel, Lambert, Profile, with_profile};
 use crate::environment::panorama::Panorama;
 use crate::environment::peel::Peel;
@@ -33,9 +33,7 @@ const LEAST_NEIGHBOURS: usize = 5;
 const TOGETHER: usize = 16;
 /// Of the first row from a pole, twice the extents to the horizon within which a texel is integrated exactly; of the others less and less.
 const BELT: f64 = 4.0;
-/// A flat texel across the horizon is off by so much of its flux, times the slope of the kernel there and its extent squared, more towards the poles; and
-/// of all of them that may be so much of a dark output.
-const FLAT: f64 = 0.03;
+/// What all texels across the horizon that are not integrated exactly may leave, in parts of a dark output.
 const LEFT_ACROSS: f64 = 2e-5;
 
 /// Peeled texels, in the order of their flux.
@@ -59,8 +57,9 @@ struct Texel {
     /// Along x and z.
     across: [f64; 2],
     flux: [f64; 3],
-    /// 1 + |cot θ|: how unlike a rectangle it is.
-    taper: f64,
+    bend: Bend,
+    /// sin θ and cos θ of the middle.
+    parallel: (f64, f64),
     /// How many times farther than others it must be from the horizon: near a pole a texel is a triangle, whose third moments count.
     belt: f64,
 }
@@ -187,7 +186,8 @@ impl Bright {
                 down: half_down * DVec3::new(cos * cos_phi, -sin, cos * sin_phi),
                 across: [-half_across * sin_phi, half_across * cos_phi],
                 flux: radiance.map(|r| r * panorama.solid_angle(row)),
-                taper: 1.0 + (cos / sin).abs(),
+                bend: Bend::new([dtheta, dphi], (sin, cos)),
+                parallel: (sin, cos),
                 belt: (BELT / (row.min(height - 1 - row) as f64 + 0.5)).max(1.0),
             }
         };
@@ -199,12 +199,11 @@ impl Bright {
 
     /// How many texels, of the brightest, are to be integrated exactly where the horizon crosses them, given the darkest outputs.
     pub fn exact_across(&self, kernel: &Kernel, darkest: [f64; 3]) -> usize {
-        let [slope, ..] = kernel.horizon();
-        let off = FLAT * self.extent * self.extent * slope;
         // All of the others may lie across it at once.
         let mut left = [0.0; 3];
         let shows = |texel: &Texel| {
-            (0..3).for_each(|c| left[c] += off * texel.taper * texel.flux[c]);
+            let off = off_across(self.extent, texel.parallel, kernel);
+            (0..3).for_each(|c| left[c] += off * texel.flux[c]);
             (0..3).any(|c| left[c] > LEFT_ACROSS * darkest[c])
         };
         self.texels.iter().rposition(shows).map_or(0, |last| last + 1)
@@ -385,9 +384,9 @@ impl Bright {
             let (of_map, solid_angle) = self.peel.texel(index);
             return exact.texel_weight(of_map, lobe) / solid_angle;
         }
-        let g = axis.dot(texel.down).abs();
-        let h = (axis.x * texel.across[0] + axis.z * texel.across[1]).abs();
-        flat_horizon(c, [g, h], kernel)
+        let g = axis.dot(texel.down);
+        let h = axis.x * texel.across[0] + axis.z * texel.across[1];
+        across_horizon(c - texel.bend.rise() * g, [g, h], texel.bend, kernel)
     }
 }
 
@@ -457,7 +456,7 @@ mod tests {
                     n_far += usize::from(c <= near && c.abs() >= belt);
                     for c in 0..3 {
                         let off = (got[0][c] - wanted[c]).abs();
-                        // (Where a flat texel crosses the horizon, some 1e-6 of the kernel's norm is left out.)
+                        // (Where a texel crosses the horizon, some 1e-6 of the kernel's norm is left out.)
                         let tolerance =
                             (SKEWED + 4e-6) * wanted[c] + 1e-6 * kernel.horizon()[0] * light.channels[c].flux;
                         assert!(

@@ -34,6 +34,8 @@ const GOOD: f64 = 8e-5;
 const SEEN: f64 = 0.25;
 const SUSPECTS: usize = 8;
 const MEASURED: usize = 4;
+/// So many times the usual degrees of a kernel are looked at first, where it has more.
+const FEW: usize = 2;
 
 /// What is done about kernels that too much is left out of.
 struct Effort {
@@ -212,23 +214,17 @@ fn row_weights(kernel: &Kernel, height: usize) -> Vec<f64> {
 impl Part {
     /// For each plan where what is left out may show; nothing where it does not.
     fn suspects(&self, mean: [f64; 3], instructions: InstructionSet) -> Vec<Vec<Suspect>> {
-        // What is known of the last degrees, even or odd, up to some one of the kernels' own.
+        // What is known of the last degrees, even or odd, up to some one.
         let mut known: Vec<(usize, bool, Beyond)> = vec![];
         let mut lambert = vec![];
-        let of_plan = |plan: &Plan| {
-            if self.truncation(plan, mean) < LOOK {
-                return vec![];
-            }
+        let mut beyond = |plan: &Plan, degree: usize| -> Vec<Suspect> {
             let mut suspects = vec![Suspect::default(); BINS[0] * BINS[1]];
             if let (Some(tail), Some(share)) = (&self.tail, &plan.share) {
                 tail.beyond.add_to(&mut suspects, share.factor);
             }
             for is_odd in [false, true].into_iter().skip(usize::from(plan.share.is_some())) {
-                let degree = plan.degree();
                 let is_same = |(of, odd, _): &(usize, bool, Beyond)| (*of, *odd) == (degree, is_odd);
-                // (The last degrees of a narrow kernel are its peak's, of which nothing is left; its kink is slight.)
-                let is_wide = is_wide(&plan.kernel) && plan.split.is_none();
-                if is_odd && !is_wide {
+                if is_odd && !has_wide_end(plan) {
                     continue;
                 }
                 if !known.iter().any(is_same) {
@@ -240,7 +236,7 @@ impl Part {
                 }
                 if let Some((.., beyond)) = known.iter().find(|of| is_same(of)) {
                     let [slope, ..] = plan.kernel.horizon();
-                    let factor = if is_wide { beyond.factor(&plan.eigenvalues) } else { PI * slope };
+                    let factor = if has_wide_end(plan) { beyond.factor(&plan.eigenvalues) } else { PI * slope };
                     beyond.add_to(&mut suspects, factor);
                 }
             }
@@ -251,6 +247,21 @@ impl Part {
             let shows: Vec<bool> = suspects.iter().enumerate().map(shows).collect();
             suspects.into_iter().zip(shows).filter_map(|(suspect, shows)| shows.then_some(suspect)).collect()
         };
+        let of_plan = |plan: &Plan| {
+            if self.truncation(plan, mean) < LOOK {
+                return vec![];
+            }
+            // Fewer degrees leave out more: where that does not show, nor does the rest.
+            let few = FEW * usual_degree(&plan.kernel);
+            let is_little = !has_wide_end(plan) && few < plan.degree() && beyond(plan, few).is_empty();
+            if is_little { vec![] } else { beyond(plan, plan.degree()) }
+        };
         self.plans.iter().map(of_plan).collect()
     }
+}
+
+/// Whether the last degrees of a plan are those of its kernel's horizon. (Those of a narrow kernel are its peak's, of which nothing is left; its kink is
+/// slight.)
+fn has_wide_end(plan: &Plan) -> bool {
+    is_wide(&plan.kernel) && plan.split.is_none()
 }
