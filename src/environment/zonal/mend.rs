@@ -142,9 +142,11 @@ impl Zonal<'_> {
 
     fn weak(&self, kernel: Kernel, suspects: &[Suspect]) -> Weak {
         let (mean, function) = (self.panorama.mean(), self.function(&kernel));
-        // How dark it is there is known better now.
+        // How dark it is there is known better now: there, or, under a kernel that sees less than a bin, anywhere beside.
         let part = |suspect: &Suspect| {
-            let value = function.at(suspect.direction);
+            let beside = beside(suspect.direction, kernel.width()).filter(|_| is_sharp(&kernel));
+            let values = beside.map(|direction| function.at(direction)).chain([function.at(suspect.direction)]);
+            let value = values.reduce(|a, b| std::array::from_fn(|c| a[c].min(b[c]))).unwrap_or_default();
             let lit = (0..3).filter(|&c| mean[c] > 0.0);
             lit.map(|c| suspect.left_out[c] / value[c].max(DARK_FLOOR * mean[c])).fold(0.0, f64::max)
         };
@@ -188,6 +190,22 @@ fn around(direction: DVec3, step: f64) -> impl Iterator<Item = DVec3> {
     let along = direction.cross(across);
     let offsets = (-ALONG..=ALONG).map(move |i| f64::from(i) * along).chain([across, -across]);
     offsets.map(move |offset| (direction + step * offset).normalize())
+}
+
+/// Directions that are no farther from one than a bin reaches, about a kernel's width apart.
+fn beside(direction: DVec3, width: f64) -> impl Iterator<Item = DVec3> {
+    const BIN: f64 = 0.16;
+    let apart = width.max(BIN / 4.0);
+    let steps = (BIN / apart).ceil() as i32;
+    let (side, up) = direction.any_orthonormal_pair();
+    let steps = move || (-steps..=steps).map(move |i| apart * f64::from(i));
+    steps().flat_map(move |s| steps().map(move |t| (direction + s * side + t * up).normalize()))
+}
+
+/// Whether a kernel is narrower than the bins that suspects are sought in, and its last degrees show: what is left out is then largest at a bright
+/// place of a bin, but in parts of the value at a dark one.
+fn is_sharp(kernel: &Kernel) -> bool {
+    kernel.is_ring() && kernel.width() < 0.2
 }
 
 /// ∫ K over each row of a map, R being the pole above.
