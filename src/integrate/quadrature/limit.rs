@@ -14,7 +14,7 @@ use crate::math::frame::sine_of_cosine;
 use crate::model::ggx::Smith;
 
 /// The cosine and the width below which both are scaled up until the larger is this: below the rounding of any value.
-const SMALLEST: f64 = 1e-16;
+const SMALLEST: f64 = 1e-20;
 /// What scaling is off by, in parts of [`SMALLEST`] and of what Fresnel's factor changes over it: the heavy tail of normals makes
 /// cosines of the order of the width larger by up to ln(1/alpha).
 const TAIL: f64 = 64.0;
@@ -46,6 +46,12 @@ pub(super) struct Limit {
 
 impl Limit {
     pub(super) fn of(mu: f64, alpha: f64) -> Self {
+        let limit = Self::not_flat(mu, alpha);
+        Self { mu: if limit.mu < FLAT * limit.alpha { 0.0 } else { limit.mu }, ..limit }
+    }
+
+    /// The same for what is not at mu = 0 what it tends to there.
+    pub(super) fn not_flat(mu: f64, alpha: f64) -> Self {
         let size = mu.max(alpha);
         let is_scaled = size < SMALLEST;
         let [mu, alpha] = if is_scaled { [mu, alpha].map(|v| v / size * SMALLEST) } else { [mu, alpha] };
@@ -60,12 +66,36 @@ impl Limit {
         fresnel: impl Fn(f64) -> [f64; K],
         by_rules: impl FnOnce(f64, f64) -> [Estimate; K],
     ) -> [Estimate; K] {
-        let &Self { mu, alpha, is_scaled } = self;
+        let &Self { mu, alpha, .. } = self;
         let mirror = (alpha < NARROW * mu)
             .then(|| self.mirror(smith, &fresnel))
             .filter(|mirror| alpha < NARROWEST || mirror.iter().all(|e| e.error <= STRAIGHT));
-        let mut estimates = mirror.unwrap_or_else(|| by_rules(if mu < FLAT * alpha { 0.0 } else { mu }, alpha));
-        if is_scaled {
+        self.scaled_back(mirror.unwrap_or_else(|| by_rules(mu, alpha)), fresnel)
+    }
+
+    /// What is no factor of a mirror, such as what goes through: by `by_rules` of mu and alpha, from what a smooth surface makes of a
+    /// cosine. A lobe too narrow for the rules is between the narrowest of theirs and that.
+    pub(super) fn scattering<const K: usize>(
+        &self,
+        smooth: impl Fn(f64) -> [f64; K],
+        by_rules: impl FnOnce(f64, f64) -> [Estimate; K],
+    ) -> [Estimate; K] {
+        let mut estimates = by_rules(self.mu, self.alpha.max(NARROWEST));
+        if self.alpha < NARROWEST {
+            for (estimate, smooth) in estimates.iter_mut().zip(smooth(self.mu)) {
+                estimate.error += (estimate.value - smooth).abs();
+            }
+        }
+        self.scaled_back(estimates, smooth)
+    }
+
+    /// `estimates` of what was scaled up, as those of what it was: `fresnel` does not scale.
+    fn scaled_back<const K: usize>(
+        &self,
+        mut estimates: [Estimate; K],
+        fresnel: impl Fn(f64) -> [f64; K],
+    ) -> [Estimate; K] {
+        if self.is_scaled {
             let (scaled, at_horizon) = (fresnel(SMALLEST), fresnel(0.0));
             for (k, estimate) in estimates.iter_mut().enumerate() {
                 estimate.error += TAIL * (SMALLEST + (scaled[k] - at_horizon[k]).abs());
