@@ -20,8 +20,7 @@ pub fn between_singularities(rules: &GradedRules, singularities: &[(f64, f64)], 
             continue;
         }
         for (end, sign) in [(panel[0], 1.0), (panel[1], -1.0)] {
-            // A singularity at the end itself is resolved down to the smallest scale that a rule has.
-            let rule = rules.at_scale((nearest(end) / half).max(f64::MIN_POSITIVE));
+            let rule = rules.at_scale(nearest(end) / half);
             sum += half * rule.iter().map(|(x, w)| w * f(end + sign * half * x)).sum::<f64>();
         }
     }

@@ -65,7 +65,7 @@ pub fn schlick_under_cosine(mu: f64, tolerance: f64) -> Estimate {
 
 fn over_elevation(e_o: f64, rules: &GradedRules) -> f64 {
     // At e_o = 0 the branch point reaches the end of the interval: the smallest scale that a rule has resolves it.
-    let rule = rules.at_scale((e_o / FRAC_PI_2).max(f64::MIN_POSITIVE));
+    let rule = rules.at_scale(e_o / FRAC_PI_2);
     let ring = |e_i: f64| {
         let (mu_i, cos_i) = e_i.sin_cos();
         let (c, b) = ((0.5 * (e_o + e_i)).sin(), e_o.cos() * cos_i);

@@ -117,8 +117,10 @@ pub struct GradedRules {
 
 /// Step of the ladder of lengths s = asinh(1/w).
 const LENGTH_STEP: f64 = 0.25;
-/// The longest: scales down to 1e-16.
-const LONGEST: f64 = 38.0;
+/// The longest: scales down to 1e-69, which lobes as narrow as 1e-24 at grazing angles ask for.
+const LONGEST: f64 = 160.0;
+/// The one for a singularity at the end itself: scales down to 1e-16.
+const AT_END: f64 = 38.0;
 
 impl GradedRules {
     /// Rules whose error is about e^(−digits) for an integrand that is analytic in the strip of half-width π/2.
@@ -137,7 +139,8 @@ impl GradedRules {
         self.digits
     }
 
-    /// The rule for singularities at distance `scale` (in parts of the interval) from the end 0.
+    /// The rule for singularities at distance `scale` (in parts of the interval) from the end 0; at 0 itself, 1e-16 of the interval is
+    /// resolved.
     #[inline]
     pub fn at_scale(&self, scale: f64) -> &Rule {
         let step = step_of_scale(scale);
@@ -179,8 +182,11 @@ pub(crate) mod nodes_asked_for {
 
 /// Steps of the ladder.
 const STEPS: usize = (LONGEST / LENGTH_STEP) as usize;
+/// The step of [`AT_END`].
+const STEP_AT_END: usize = (AT_END / LENGTH_STEP) as usize;
 
-/// The smallest step, from 1 on, whose length is asinh(1/scale) at least; the last one for NaN and for all that is smaller.
+/// The smallest step, from 1 on, whose length is asinh(1/scale) at least; the last one for all that is smaller, and that of
+/// [`AT_END`] for 0 and NaN.
 #[inline]
 fn step_of_scale(scale: f64) -> usize {
     // sinh of each step's length, ascending: looking it up is cheaper than asinh.
@@ -188,7 +194,10 @@ fn step_of_scale(scale: f64) -> usize {
         LazyLock::new(|| std::array::from_fn(|step| (step as f64 * LENGTH_STEP).sinh()));
     let reach = &*REACH;
     let inverse = (1.0 / scale).max(0.0); // 0 for NaN, too
-    if scale.is_nan() || inverse > reach[STEPS - 1] {
+    if scale.is_nan() || scale == 0.0 {
+        return STEP_AT_END;
+    }
+    if inverse > reach[STEPS - 1] {
         return STEPS;
     }
     // 1/scale is at least 2^exponent, so that its asinh is at least (exponent + 1) ln 2 above 1, and two doublings from it at most.
@@ -233,13 +242,14 @@ mod tests {
 
     #[test]
     fn step_of_a_scale_is_the_first_that_is_long_enough() {
-        for i in 0..4000 {
+        for i in 0..16000 {
             let scale = 10.0_f64.powf(2.0 - 0.005 * f64::from(i));
             let length = (1.0 / scale).asinh();
             let (got, wanted) = (step_of_scale(scale), ((length / LENGTH_STEP).ceil() as usize).clamp(1, STEPS));
             assert_eq!(got, wanted, "scale {scale:e}");
         }
-        for (scale, wanted) in [(0.0, STEPS), (f64::NAN, STEPS), (f64::MIN_POSITIVE, STEPS), (f64::INFINITY, 1)] {
+        let ends = [(0.0, STEP_AT_END), (f64::NAN, STEP_AT_END), (f64::MIN_POSITIVE, STEPS), (f64::INFINITY, 1)];
+        for (scale, wanted) in ends {
             assert_eq!(step_of_scale(scale), wanted, "scale {scale:e}");
         }
     }

@@ -56,6 +56,18 @@ pub fn refracted_cosine(mu: f64, eta: f64) -> Option<f64> {
     (squared >= 0.0).then(|| squared.sqrt() / eta)
 }
 
+/// What Schlick's F0 scales, what F90 does, and what 1 − F0 scales of the light that goes through, of a smooth interface.
+pub fn schlick_smooth(mu: f64, eta: f64) -> [f64; 3] {
+    let refracted = if eta == f64::INFINITY { Some(1.0) } else { refracted_cosine(mu, eta) };
+    match refracted {
+        None => [0.0, 1.0, 0.0],
+        Some(mu_t) => {
+            let s = schlick_weight(mu.min(mu_t));
+            [1.0 - s, s, 1.0 - s]
+        }
+    }
+}
+
 /// The interface, seen from the side of `wo`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dielectric {

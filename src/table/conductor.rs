@@ -8,7 +8,7 @@ use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::direction_with_cosine;
 use crate::model::Lobe;
 use crate::model::fresnel::{self, conductor};
-use crate::model::ggx::Ggx;
+use crate::model::ggx::{Ggx, Smith};
 
 /// Whether F is smooth on [0, 1]: its branch point, μ² = 1 − (n + ik)², is not near. Metals are; what comes near is an index below 1
 /// with little absorption, which has a critical angle, or nearly so.
@@ -43,6 +43,11 @@ fn values(at: &Point) -> Result<[f64; 4]> {
     Ok([at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?, at.get(Parameter::N)?, at.get(Parameter::K)?])
 }
 
+/// What a perfectly smooth surface reflects.
+fn mirror(mu: f64, n: f64, k: f64, smith: Smith) -> f64 {
+    conductor(mu, n, k) * smith.mirror(mu)
+}
+
 impl Family for Conductor {
     fn quantities(&self) -> &'static [Quantity] {
         &CONDUCTOR
@@ -51,7 +56,7 @@ impl Family for Conductor {
     fn quadrature(&self, at: &Point, model: &Model, tolerance: f64) -> Result<Vec<Estimate>> {
         let [mu, alpha, n, k] = values(at)?;
         if alpha == 0.0 {
-            return Ok(vec![Estimate::bound(conductor(mu, n, k), 64.0 * f64::EPSILON)]);
+            return Ok(vec![Estimate::bound(mirror(mu, n, k, model.smith), 64.0 * f64::EPSILON)]);
         }
         let interface = fresnel::Conductor::new(n, k);
         let reflected = |tolerance| {
@@ -72,7 +77,7 @@ impl Family for Conductor {
     fn monte_carlo(&self, at: &Point, model: &Model, integration: &Integration) -> Result<Vec<Estimate>> {
         let [mu, alpha, n, k] = values(at)?;
         if alpha == 0.0 {
-            return Ok(vec![Estimate::sigma(conductor(mu, n, k), 0.0)]);
+            return Ok(vec![Estimate::sigma(mirror(mu, n, k, model.smith), 0.0)]);
         }
         let (lobe, wo) = (Ggx::isotropic(alpha, model.smith), direction_with_cosine(mu));
         let interface = fresnel::Conductor::new(n, k);
@@ -87,11 +92,12 @@ impl Family for Conductor {
         Ok(estimates.into())
     }
 
-    fn identities(&self, at: &Point, _model: &Model) -> Vec<Identity> {
+    fn identities(&self, at: &Point, model: &Model) -> Vec<Identity> {
         let Ok([mu, alpha, n, k]) = values(at) else { return vec![] };
         let mut known = vec![];
         if alpha == 0.0 {
-            known.push(Identity { quantity: 0, value: conductor(mu, n, k), slack: 0.0, fact: "F at alpha = 0" });
+            let value = mirror(mu, n, k, model.smith);
+            known.push(Identity { quantity: 0, value, slack: 0.0, fact: "F at alpha = 0" });
         }
         if n == 1.0 && k == 0.0 {
             known.push(Identity { quantity: 0, value: 0.0, slack: 0.0, fact: "no interface, no reflection" });

@@ -11,8 +11,7 @@ use crate::error::Result;
 use crate::integrate::monte_carlo::defensive_tail;
 use crate::integrate::{Estimate, Integration, quadrature};
 use crate::math::frame::direction_with_cosine;
-use crate::model::dielectric::refracted_cosine;
-use crate::model::fresnel::schlick_weight;
+use crate::model::dielectric::schlick_smooth;
 
 const SOURCE: &str = "Walter et al. 2007 (BTDF, GGX); Schlick 1994, eq. 15; the split as EEVEE tabulates it";
 
@@ -46,18 +45,6 @@ const fn row(index: usize, of_mu: bool) -> Quantity {
 static OF_MU: [Quantity; 3] = [row(0, true), row(1, true), row(2, true)];
 static OF_PLACE: [Quantity; 3] = [row(0, false), row(1, false), row(2, false)];
 
-/// Of a smooth interface.
-fn smooth(mu: f64, eta: f64) -> [f64; 3] {
-    let refracted = if eta == f64::INFINITY { Some(1.0) } else { refracted_cosine(mu, eta) };
-    match refracted {
-        None => [0.0, 1.0, 0.0],
-        Some(mu_t) => {
-            let s = schlick_weight(mu.min(mu_t));
-            [1.0 - s, s, 1.0 - s]
-        }
-    }
-}
-
 /// `schlick-dielectric.scale`, `.bias` and `.transmittance`.
 #[derive(Debug)]
 pub struct Directional;
@@ -71,7 +58,7 @@ impl Family for Directional {
         let (mu, alpha, eta) = (at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?, at.get(Parameter::Eta)?);
         let interface = interface(alpha, eta, model)?;
         if alpha == 0.0 {
-            return Ok(smooth(mu, eta).map(|v| Estimate::bound(v, 8.0 * f64::EPSILON)).into());
+            return Ok(schlick_smooth(mu, eta).map(|v| Estimate::bound(v, 8.0 * f64::EPSILON)).into());
         }
         Ok(quadrature::schlick_scattering(mu, &interface, tolerance).into())
     }
@@ -80,7 +67,7 @@ impl Family for Directional {
         let (mu, alpha, eta) = (at.get(Parameter::Mu)?, at.get(Parameter::Alpha)?, at.get(Parameter::Eta)?);
         let interface = interface(alpha, eta, model)?;
         if alpha == 0.0 {
-            return Ok(smooth(mu, eta).map(|v| Estimate::sigma(v, 8.0 * f64::EPSILON)).into());
+            return Ok(schlick_smooth(mu, eta).map(|v| Estimate::sigma(v, 8.0 * f64::EPSILON)).into());
         }
         let wo = direction_with_cosine(mu);
         // Where wo grazes the surface and goes straight on, the masking has a limit that no sample shows.
@@ -103,7 +90,7 @@ impl Family for Directional {
             return vec![];
         };
         let known = |(quantity, value)| Identity { quantity, value, slack: 0.0, fact: "Schlick at alpha = 0" };
-        smooth(mu, eta).into_iter().enumerate().map(known).collect()
+        schlick_smooth(mu, eta).into_iter().enumerate().map(known).collect()
     }
 }
 

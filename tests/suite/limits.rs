@@ -110,6 +110,22 @@ fn narrow_lobe_is_a_perfect_mirror() {
 }
 
 #[test]
+fn smooth_conductor_is_the_limit_of_narrow_ones() {
+    let quantity = quantity::find("conductor.albedo").expect("a quantity");
+    for smith in Smith::ALL {
+        let value = |mu: f64, alpha: f64| {
+            let at =
+                at(mu, alpha).with(Parameter::N, 0.2).and_then(|p| p.with(Parameter::K, 3.9)).expect("in the domain");
+            quantity.evaluate(&at, &Model { smith, ..Model::default() }, &exact()).expect("reached").value
+        };
+        for mu in [0.1, 0.7, 1.0] {
+            let (smooth, narrow) = (value(mu, 0.0), value(mu, 1e-30));
+            assert!((smooth - narrow).abs() < 1e-12, "{smith:?} at mu {mu}: {smooth} smooth, {narrow} narrow");
+        }
+    }
+}
+
+#[test]
 fn average_of_a_perfect_mirror_is_the_average_of_the_mirror() {
     let rule = kiln::math::quadrature::gauss_legendre(64);
     for smith in Smith::ALL {

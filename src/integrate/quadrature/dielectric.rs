@@ -15,10 +15,12 @@
 //! integrated over directions, and against Monte Carlo.
 
 use super::ggx::{albedo_on, reflection_on};
+use super::limit::Limit;
 use super::{HalfAngle, Rung, Sum, Trust, climb_with, near_pole};
 use crate::integrate::Estimate;
 use crate::math::frame::{direction_with_cosine, elevation};
-use crate::model::dielectric::{Dielectric, reflectance_outside, refracted_cosine, transmittance};
+use crate::model::dielectric::{Dielectric, reflectance, reflectance_outside, refracted_cosine, transmittance};
+use crate::model::ggx::Ggx;
 use crate::model::smith::Smith;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -26,8 +28,29 @@ use std::f64::consts::{FRAC_PI_2, PI};
 ///
 /// `mu` in [0, 1]; facets of equal width in all directions, in (0, 1], with a masking that light can go through.
 pub fn dielectric_scattering(mu: f64, interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
-    let defect = ANGLE / mu.hypot(interface.facets.alpha_x);
-    climb_with(TRUST, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect })
+    let smooth = |mu| {
+        let up = reflectance(mu, interface.eta);
+        [up, 1.0 - up, 1.0]
+    };
+    in_reach(mu, interface, smooth, |mu, interface| {
+        climb_with(TRUST, tolerance, |rung| Sum { values: with_sum(scattering_on(mu, interface, rung)), defect: ANGLE })
+    })
+}
+
+/// What `scattered` makes of the interface seen at cosine `mu`, or, where it cannot, of one next to that: see [`Limit`].
+pub(super) fn in_reach<const K: usize>(
+    mu: f64,
+    interface: &Dielectric,
+    smooth: impl Fn(f64) -> [f64; K],
+    scattered: impl FnOnce(f64, &Dielectric) -> [Estimate; K],
+) -> [Estimate; K] {
+    let Ggx { alpha_x, smith, .. } = interface.facets;
+    // The Beta function fades with a power of mu, and where nothing refracts only what is exactly 0 has a limit of its own.
+    let is_flat = smith != Smith::Beta && interface.eta != 1.0;
+    let limit = if is_flat { Limit::of(mu, alpha_x) } else { Limit::not_flat(mu, alpha_x) };
+    limit.scattering(smooth, |mu, alpha| {
+        scattered(mu, &Dielectric { facets: Ggx::isotropic(alpha, smith), eta: interface.eta })
+    })
 }
 
 fn with_sum([up, down]: [f64; 2]) -> [f64; 3] {
@@ -37,8 +60,7 @@ fn with_sum([up, down]: [f64; 2]) -> [f64; 3] {
 /// What the difference of two rungs is multiplied with to be a bound: more than elsewhere, since the singularities beyond the
 /// horizons lie on the real axis, where a graded rule converges more slowly than its name says.
 pub(super) const TRUST: Trust = Trust { safety: 20.0, lead: 4.0 };
-/// Rounding of an angle near π/2, in parts of what the factor of safety makes of it: at grazing angles the integrals vary over
-/// angles of the size of mu and alpha.
+/// Rounding of an angle near π/2, in parts of what the factor of safety makes of it.
 pub(super) const ANGLE: f64 = 0.25 * f64::EPSILON;
 /// How near its branch point, of second order or nearly, the Beta function must be resolved where it is at the horizon itself: in
 /// cosines within a cone …
@@ -49,8 +71,22 @@ const SEAM: f64 = 1e-6;
 /// The part of alpha below which a cosine of wo makes no difference to where G2 misbehaves.
 const FLATTEST: f64 = 1e-7;
 
+/// A cosine that is as good as 0, but for the quotient of two that are.
+const LOWEST: f64 = 1e-200;
+
 /// Further than any y.
 pub(super) const FAR: f64 = 10.0;
+
+/// An angle β at which panels end, by its distances from everything near which it matters: where wo grazes the surface, they are far
+/// smaller than the rounding of β itself.
+#[derive(Clone, Copy)]
+struct End {
+    beta: f64,
+    /// β − θ_o.
+    past: f64,
+    /// π/2 − β.
+    left: f64,
+}
 
 /// What a cone of facets needs to know of itself.
 pub(super) struct Cone {
@@ -121,9 +157,10 @@ impl<'a> View<'a> {
 
     /// ∫ weight D G2/(4 μo) dω_i of what is reflected, as far as light refracts.
     pub(super) fn reflected(&self, weight: impl Fn(&Cone) -> f64) -> f64 {
-        let highest = 0.5 * self.e_o + self.theta_o;
-        let critical = self.interface.eta.min(1.0).asin();
-        self.over_cones(&[0.5 * self.e_o, highest], critical.min(highest), |cone| weight(cone) * self.mirrored(cone))
+        let highest = self.past_peak(0.5 * self.e_o);
+        let critical = self.critical();
+        let end = if critical.past < highest.past { critical } else { highest };
+        self.over_cones([self.at(0.5 * self.e_o), highest], end, |cone| weight(cone) * self.mirrored(cone))
     }
 
     /// ∫ weight f_t μt dω_t without Fresnel factor, of what goes through.
@@ -135,8 +172,22 @@ impl<'a> View<'a> {
         }
         // Where the refracted ray of the facets towards the surface grazes it from below: β_t − β = π/2 − θ_o.
         let grazes = if eta < 1.0 { e_o.sin().atan2(1.0 / eta - e_o.cos()) } else { e_o };
-        let critical = if eta < 1.0 { eta.asin() } else { FRAC_PI_2 };
-        self.over_cones(&[e_o, grazes], critical, |cone| weight(cone) * self.through(cone))
+        let seams = [self.at(e_o), self.at(grazes)];
+        self.over_cones(seams, self.critical(), |cone| weight(cone) * self.through(cone))
+    }
+
+    fn at(&self, beta: f64) -> End {
+        End { beta, past: beta - self.theta_o, left: FRAC_PI_2 - beta }
+    }
+
+    fn past_peak(&self, past: f64) -> End {
+        End { beta: self.theta_o + past, past, left: self.e_o - past }
+    }
+
+    /// Where total reflection begins, or else the last of all angles.
+    fn critical(&self) -> End {
+        let eta = self.interface.eta;
+        if eta < 1.0 { self.at(eta.asin()) } else { self.past_peak(self.e_o) }
     }
 
     fn alpha(&self) -> f64 {
@@ -154,23 +205,23 @@ impl<'a> View<'a> {
     /// What enters is a part of the circle whose width grows as a root: f is analytic in the root of the distance, and
     /// β = seam ± length·t² undoes it. At θ_o the facets' peak is. Every rule is graded to what is nearest beyond its own end: the
     /// peak's poles, at θ_o ± i α or so, and other seams.
-    fn over_cones(&self, seams: &[f64], end: f64, f: impl Fn(&Cone) -> f64) -> f64 {
-        let mut ends = vec![(0.0, false), (self.theta_o, false), (end, true)];
-        ends.extend(seams.iter().map(|s| (*s, true)));
+    fn over_cones(&self, seams: [End; 2], end: End, f: impl Fn(&Cone) -> f64) -> f64 {
+        let mut ends = vec![(self.at(0.0), false), (self.past_peak(0.0), false), (end, true)];
+        ends.extend(seams.map(|seam| (seam, true)));
         if self.start > 0.0 {
-            ends.push((self.start, false));
+            ends.push((self.at(self.start), false));
         }
-        ends.retain(|e| e.0 <= end);
-        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ends.retain(|e| e.0.past <= end.past);
+        ends.sort_by(|a, b| a.0.past.total_cmp(&b.0.past));
         ends.dedup_by(|b, a| {
-            let same = a.0 == b.0;
+            let same = a.0.past == b.0.past;
             a.1 |= same && b.1;
             same
         });
         // Beyond the critical angle, on the other sheet of its root, stands the pole of r∥: at cosβ_t = −η cosβ.
         let eta = self.interface.eta;
-        let critical = eta.min(1.0).asin();
-        let pole = if eta < 1.0 && end == critical {
+        let critical = self.critical();
+        let pole = if eta < 1.0 && end.past == critical.past {
             eta.powi(3) / (2.0 * ((1.0 - eta) * (1.0 + eta)).sqrt() * (1.0 + eta * eta))
         } else {
             FAR
@@ -179,26 +230,38 @@ impl<'a> View<'a> {
         let smallest = if self.interface.facets.smith == Smith::Beta { SEAM } else { 0.0 };
         let mut sum = 0.0;
         for (i, panel) in ends.windows(2).enumerate() {
-            if panel[1].0 <= self.start {
+            if panel[1].0.beta <= self.start {
                 continue;
             }
-            let half = 0.5 * (panel[1].0 - panel[0].0);
+            let half = 0.5 * (panel[1].0.past - panel[0].0.past);
             // Below β = 0 everything is mirrored.
-            let before = if i > 0 { panel[0].0 - ends[i - 1].0 } else { panel[1].0.min(self.at_axis) };
-            let after = ends.get(i + 2).map_or(pole, |e| e.0 - panel[1].0);
+            let before = if i > 0 { panel[0].0.past - ends[i - 1].0.past } else { panel[1].0.beta.min(self.at_axis) };
+            let after = ends.get(i + 2).map_or(pole, |e| e.0.past - panel[1].0.past);
             for ((from, root), sign, beyond) in [(panel[0], 1.0, before), (panel[1], -1.0, after)] {
-                let near = width.hypot(from - self.theta_o).min(beyond).min(0.5 * self.margin()) / half;
+                let beyond = beyond.max(FLATTEST * self.alpha());
+                let near = width.hypot(from.past).min(beyond).min(0.5 * self.margin()) / half;
                 let scale = if root { near.sqrt().max(smallest) } else { near };
                 for (x, w) in self.rung.doubled.at_scale(scale).iter() {
                     let (t, weight) = if root { (x * x, 2.0 * x * w) } else { (x, w) };
                     let t = sign * t * half;
-                    let beta = from + t;
-                    let d = if from == self.theta_o { t } else { beta - self.theta_o };
-                    let (sin, cos) = beta.sin_cos();
-                    let d = HalfAngle::of(d);
-                    let (sin_d, cos_d, nearest) = (d.sin(), d.cos(), 2.0 * d.sin_half * d.sin_half);
+                    let beta = from.beta + t;
+                    let d = from.past + t;
+                    let (sin, cos) = if beta < 1.0 {
+                        beta.sin_cos()
+                    } else {
+                        let (cos, sin) = (from.left - t).sin_cos();
+                        (sin, cos)
+                    };
+                    let (sin_d, cos_d, nearest) = if d < -1.0 {
+                        // By its distance from −π/2, which is as exact as β where that is small.
+                        let (sin, cos) = (beta + self.e_o).sin_cos();
+                        (-cos, sin, 1.0 - sin)
+                    } else {
+                        let d = HalfAngle::of(d);
+                        (d.sin(), d.cos(), 2.0 * d.sin_half * d.sin_half)
+                    };
                     let b = (1.0 - self.mu * self.mu).max(0.0).sqrt() * sin;
-                    let Some(cos_t) = self.refracted(cos, beta, (critical - from) - t) else { continue };
+                    let Some(cos_t) = self.refracted(cos, beta, (critical.beta - from.beta) - t) else { continue };
                     sum += half * weight * f(&Cone { cos, sin, sin_d, cos_d, nearest, b, cos_t });
                 }
             }
@@ -228,7 +291,7 @@ impl<'a> View<'a> {
         let slope = 4.0 * cone.b * cone.cos;
         let facets = &self.interface.facets;
         self.over_azimuth(cone, (0.0, FAR), (highest / slope, self.margin() / slope), |y| {
-            let mu_i = (highest - slope * y).max(0.0); // below 0 by rounding only
+            let mu_i = (highest - slope * y).max(LOWEST); // below it by rounding only
             (4.0 * mu_i * facets.smith.visibility(self.alpha(), (self.mu, self.l), (mu_i, self.l_of(mu_i))), 1.0)
         })
     }
@@ -334,4 +397,53 @@ fn distance(y: f64, beyond: f64) -> f64 {
     let beyond = beyond.clamp(0.0, FAR);
     let tau = quarter_tangent_of(y);
     0.25 * (1.0 + tau * tau) * beyond / (y * (1.0 - y) + beyond).sqrt().max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polished_glass_has_its_values_down_to_the_horizon() {
+        for smith in [Smith::Correlated, Smith::Separable, Smith::Beta] {
+            for eta in [1.0 / 1.5, 1.001, 2.5] {
+                for mu in [0.0, 1e-12, 0.0039, 1.0] {
+                    for alpha in [1e-100, 5.55e-17, 3.6e-15, 1e-11] {
+                        let interface = Dielectric { facets: Ggx::isotropic(alpha, smith), eta };
+                        let found = dielectric_scattering(mu, &interface, 1e-7);
+                        let place = format!("{smith:?} of index {eta} at mu {mu:e}, alpha {alpha:e}: {found:?}");
+                        assert!(found.iter().all(|e| e.error <= 1e-7), "{place}");
+                        let [up, down, both] = found.map(|e| e.value);
+                        assert!((up + down - both).abs() <= 1e-12 && down >= -1e-7 && up >= -1e-7, "{place}");
+                        // Far above the width all is as smooth glass has it; at the horizon, all that is not lost is reflected.
+                        if mu > 1e9 * alpha {
+                            let wanted = reflectance(mu, eta);
+                            assert!((up - wanted).abs() < 1e-7 && (both - 1.0).abs() < 1e-7, "{place}: {wanted}");
+                        }
+                        if mu <= 1e-12 {
+                            assert!(down < 1e-7, "{place}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_grazes_polished_glass_goes_through_in_proportion_to_the_cosine() {
+        // 1 − F is linear in the cosine, to its square: 4η/√(η² − 1) wo·h, of whose lobe the heavy tail adds a logarithm.
+        let through = |size: f64, eta: f64| {
+            let interface = Dielectric { facets: Ggx::isotropic(1e-3 * size, Smith::Correlated), eta };
+            dielectric_scattering(size, &interface, 1e-13)[1].value / size
+        };
+        for eta in [1.3_f64, 2.5] {
+            let step = (eta * eta - 1.0).sqrt();
+            let slope = 2.0 * (1.0 / step + eta * eta / step);
+            for size in [1e-5, 1e-7, 1e-9] {
+                let got = through(size, eta);
+                // Of relative order (alpha/mu)² and mu.
+                assert!((got - slope).abs() <= slope * (1e-4 + 10.0 * size), "{eta} at {size:e}: {got}, {slope}");
+            }
+        }
+    }
 }

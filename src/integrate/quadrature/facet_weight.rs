@@ -3,11 +3,12 @@
 //! In the cones around wo of `dielectric.rs` such a weight depends on β alone, so that its seams are ends of panels: at β = 0, where
 //! a power of 1 − cosβ that is no integer begins, and where a weight that is cut off at 0 does.
 
-use super::dielectric::{ANGLE, FAR, TRUST, View};
+use super::dielectric::{ANGLE, FAR, TRUST, View, in_reach};
 use super::ggx::{albedo_on, reflection_on};
+use super::limit::Limit;
 use super::{Rung, Sum, climb_with};
 use crate::integrate::Estimate;
-use crate::model::dielectric::Dielectric;
+use crate::model::dielectric::{Dielectric, schlick_smooth};
 use crate::model::fresnel::schlick_weight;
 use crate::model::ggx::{Ggx, Smith};
 
@@ -65,13 +66,16 @@ fn part_of_albedo(
     (start, at_axis): (f64, f64),
     weight: impl Fn(f64, f64) -> f64,
 ) -> Estimate {
-    let interface = Dielectric { facets: Ggx::isotropic(alpha, smith), eta: 1.0 };
-    let defect = ANGLE / mu.hypot(alpha);
-    climb_with(TRUST, tolerance, |rung| {
-        let view = View::new(mu, &interface, rung).with_seams(start, at_axis);
-        let weighted = view.reflected(|cone| weight(cone.cos, cone.below_one()));
-        Sum { values: [weighted / albedo_on(mu, alpha, smith, &rung.rules).values[0]], defect }
-    })[0]
+    let smooth = |cosine| [weight(cosine, 1.0 - cosine)];
+    let [part] = Limit::of(mu, alpha).scattering(smooth, |mu, alpha| {
+        let interface = Dielectric { facets: Ggx::isotropic(alpha, smith), eta: 1.0 };
+        climb_with(TRUST, tolerance, |rung| {
+            let view = View::new(mu, &interface, rung).with_seams(start, at_axis);
+            let weighted = view.reflected(|cone| weight(cone.cos, cone.below_one()));
+            Sum { values: [weighted / albedo_on(mu, alpha, smith, &rung.rules).values[0]], defect: ANGLE }
+        })
+    });
+    part
 }
 
 /// [∫ (1 − s) f, ∫ s f, ∫ (1 − s) f_t] of the interface seen at cosine `mu`, with Schlick's weight s of the angle on the thinner side, 1
@@ -80,8 +84,14 @@ fn part_of_albedo(
 /// `mu` in [0, 1]; facets of equal width in all directions, in (0, 1], with a masking that light can go through; any index, 0 and
 /// infinity included.
 pub fn schlick_scattering(mu: f64, interface: &Dielectric, tolerance: f64) -> [Estimate; 3] {
-    let defect = ANGLE / mu.hypot(interface.facets.alpha_x);
-    climb_with(TRUST, tolerance, |rung| Sum { values: schlick_on(mu, interface, rung), defect })
+    in_reach(
+        mu,
+        interface,
+        |mu| schlick_smooth(mu, interface.eta),
+        |mu, interface| {
+            climb_with(TRUST, tolerance, |rung| Sum { values: schlick_on(mu, interface, rung), defect: ANGLE })
+        },
+    )
 }
 
 fn schlick_on(mu: f64, interface: &Dielectric, rung: &Rung) -> [f64; 3] {

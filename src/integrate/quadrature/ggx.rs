@@ -16,8 +16,10 @@
 //!   ± i asinh(α/√(1 − α²)) and a pole at −e_o, or where an approximation of G2 has its own: three panels, graded to e_o from
 //!   both sides and to the horizon.
 //!
-//! With F = 1 the azimuth integral is closed form. Derived here; checked against the closed forms at alpha = 1 and against Monte Carlo.
+//! With F = 1 the azimuth integral is closed form. Where f64 does not hold what the rules need, `limit.rs` stands in. Derived here;
+//! checked against the closed forms at alpha = 1 and against Monte Carlo.
 
+use super::limit::{Limit, NARROWEST};
 use super::{HalfAngle, Rung, Sum, climb, near_pole};
 use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
@@ -36,7 +38,9 @@ pub fn ggx_reflection<const K: usize>(
     tolerance: f64,
     fresnel: impl Fn(f64) -> [f64; K],
 ) -> [Estimate; K] {
-    climb(tolerance, |rung| reflection_on(mu, alpha, smith, rung, &fresnel))
+    Limit::of(mu, alpha).reflection(smith, &fresnel, |mu, alpha| {
+        climb(tolerance, |rung| reflection_on(mu, alpha, smith, rung, &fresnel))
+    })
 }
 
 /// [`ggx_reflection`] by one rung of the ladder.
@@ -53,28 +57,43 @@ pub(super) fn reflection_on<const K: usize>(
 /// The integrals of the split sum, which share their elevations: with F = 1, with Schlick's weight (1 − wo·h)⁵, and with the shape
 /// of the dip that the F82 tint takes.
 pub fn ggx_split(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> [Estimate; 3] {
-    climb(tolerance, |rung| {
-        over_elevation(mu, alpha, smith, &rung.rules, |at| {
-            let weights = |cosine| [schlick_weight(cosine), f82_dip(cosine)];
-            let Sum { values: [schlick, dip], defect } = azimuth(&at, rung, weights);
-            Sum { values: [azimuth_closed_form(&at), schlick, dip], defect }
+    let weights = |cosine| [schlick_weight(cosine), f82_dip(cosine)];
+    let with_one = |cosine| {
+        let [schlick, dip] = weights(cosine);
+        [1.0, schlick, dip]
+    };
+    Limit::of(mu, alpha).reflection(smith, with_one, |mu, alpha| {
+        climb(tolerance, |rung| {
+            over_elevation(mu, alpha, smith, &rung.rules, |at| {
+                let Sum { values: [schlick, dip], defect } = azimuth(&at, rung, weights);
+                Sum { values: [azimuth_closed_form(&at), schlick, dip], defect }
+            })
         })
     })
 }
 
 /// The same with F = 1: the directional albedo, whose azimuth integral is closed form.
 pub fn ggx_albedo(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    climb(tolerance, |Rung { rules, .. }| albedo_on(mu, alpha, smith, rules))[0]
+    let [albedo] = Limit::of(mu, alpha).reflection(
+        smith,
+        |_| [1.0],
+        |mu, alpha| climb(tolerance, |Rung { rules, .. }| albedo_on(mu, alpha, smith, rules)),
+    );
+    albedo
 }
 
 /// 2 ∫ E(mu) mu dmu: the average albedo.
 pub fn ggx_albedo_average(alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
-    climb(tolerance, |Rung { rules, .. }| {
+    // E differs from the mirror's by alpha/mu at most, in the average by alpha itself; Schlick's k for lamps by the root of alpha.
+    let error = if alpha < NARROWEST { NARROWEST.sqrt() } else { 0.0 };
+    let alpha = alpha.max(NARROWEST);
+    let [average] = climb(tolerance, |Rung { rules, .. }| {
         // E has its dip near mu = alpha and is not analytic at the horizon; mu itself is the smooth variable at normal incidence.
         let rule = rules.at_scale(AVERAGE_SCALE * alpha);
         let average = 2.0 * rule.integrate(|mu| mu * albedo_on(mu, alpha, smith, rules).values[0]);
         Sum { values: [average], defect: 0.0 }
-    })[0]
+    });
+    Estimate::bound(average.value, average.error + error)
 }
 
 /// How far below alpha the average must resolve E: the non-analytic part of mu·E at mu = 0 is of third order.
@@ -129,7 +148,7 @@ fn over_elevation<const K: usize>(
     let above = FRAC_PI_2 - e_o;
     if above > 0.0 {
         // Beside the peak's own poles stands that of G2 at −e_o, which becomes a branch point of the whole when e_o is 0.
-        let nearest = (2.0 * width).min((2.0 * e_o).max(BRANCH * width.min(1.0))).min(e_o + pole);
+        let nearest = (2.0 * width).min((2.0 * e_o).min(e_o + pole).max(BRANCH * width.min(1.0)));
         panel(rules.at_scale(nearest / above), above, &|t| Place {
             mu_i: sin_o * t.cos() + cos_o * t.sin(),
             cos_i: (cos_o * t.cos() - sin_o * t.sin()).max(0.0), // below 0 by rounding only, at the zenith

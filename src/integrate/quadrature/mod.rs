@@ -8,6 +8,7 @@ mod dielectric_average;
 mod evaluations;
 mod facet_weight;
 mod ggx;
+mod limit;
 mod ltc;
 mod ltc_fit;
 
