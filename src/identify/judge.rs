@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex};
 const JUDGED: [usize; 3] = [128, 48, 12];
 const JUDGED_IF_DEAR: [usize; 3] = [64, 12, 6];
 /// What values may be off by when hypotheses are judged by them.
-const JUDGED_TO: f64 = 1e-6;
+pub const JUDGED_TO: f64 = 1e-6;
 /// Whether values take longest, of the family of a master.
 fn is_dear(definition: &Definition) -> bool {
     match definition.handle.quantity.name {
@@ -217,6 +217,11 @@ impl Judge {
                 disagrees: false,
             });
         }
+        self.judged_by_quadrature(hypothesis, cost, data)
+    }
+
+    /// The same, however far the master is off.
+    pub fn judged_by_quadrature(&self, hypothesis: Hypothesis, cost: f64, data: &Data) -> Result<Ranked> {
         let definition = &hypothesis.master.definition;
         let family = definition.handle.family;
         let dear = is_dear(definition) || !family.has_quadrature();

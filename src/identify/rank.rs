@@ -2,11 +2,11 @@
 
 use super::fit;
 use super::hypothesis::{Data, Hypothesis};
-use super::judge::{Judge, Ranked};
+use super::judge::{JUDGED_TO, Judge, Ranked};
 use super::masters::{self, Shelf};
 use super::search::{self, Arrangement};
 use super::{Options, simple};
-use crate::claim::Curve;
+use crate::claim::{Curve, Encoding};
 use crate::error::Result;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -269,6 +269,32 @@ fn says(h: &Hypothesis) -> String {
 /// How much worse a channel may be explained over the axes of the surest one, and still be taken to have them.
 const SHARED_IS_AS_GOOD: f64 = 1.5;
 
+/// What a channel is exactly over the places of another, of which `anchor` is exact: quantities of its family, as they are or encoded as it
+/// is. Quadrature alone is asked, which knows all quantities of these places already: where a fit has jumps, masters lie far beside it.
+fn exact_beside(anchor: &Hypothesis, data: &Data, judge: &Judge) -> Result<Vec<Ranked>> {
+    // What hardly varies by more than quadrature may be off by would be anything.
+    if 2.0 * JUDGED_TO > GOOD * data.spread {
+        return Ok(vec![]);
+    }
+    let choice = fit::fine(&data.sizes);
+    let mut encodings = vec![Encoding::PLAIN];
+    encodings.extend(Some(anchor.encoding).filter(|encoding| *encoding != Encoding::PLAIN));
+    let mut exact = vec![];
+    for quantity in 0..anchor.master.definition.quantities().len() {
+        for &encoding in &encodings {
+            let hypothesis = Hypothesis { quantity, encoding, ..anchor.clone() };
+            if judge.is_refuted(&hypothesis, data)? {
+                continue;
+            }
+            if let Some((hypothesis, cost)) = fit::as_it_is(hypothesis, data.values.len(), data, &choice) {
+                exact.push(judge.judged_by_quadrature(hypothesis, cost, data)?);
+            }
+        }
+    }
+    exact.retain(Ranked::is_exact);
+    Ok(exact)
+}
+
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well. `shelves`: whose quantities they may be.
 pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shelf], options: &Options, judge: &Judge) {
@@ -279,11 +305,21 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shel
         .map(|(c, _)| c);
     let Some(anchor) = surest.and_then(|c| ranked[c].first().map(|r| r.hypothesis.clone())) else { return };
     let n_axes = anchor.ramps.len();
+    let is_exact = surest.is_some_and(|c| ranked[c].first().is_some_and(Ranked::is_exact));
     for (c, list) in ranked.iter_mut().enumerate() {
         if Some(c) == surest {
             continue;
         }
         let data = &channels[c];
+        if is_exact
+            && !list.iter().any(Ranked::is_exact)
+            && let Ok(exact) = exact_beside(&anchor, data, judge)
+            && !exact.is_empty()
+        {
+            list.splice(0..0, exact);
+            put_best_first(list, data);
+            continue;
+        }
         let choice = fit::fine(&data.sizes);
         let of_shelf = |&shelf: &Shelf| masters::load(anchor.master.definition.nodes.len(), shelf, options.cache);
         let Ok(masters) = shelves.iter().map(of_shelf).collect::<Result<Vec<_>>>() else { continue };

@@ -312,6 +312,48 @@ fn what_is_no_table_is_unknown() {
     }
 }
 
+/// Where a fit jumps from one texel to the next, dense tables do not say what is between: what the channels beside it are makes it known.
+/// (Of 11 texels and fewer along each axis, they are known without.)
+#[test]
+fn a_channel_that_jumps_is_known_by_those_beside_it() {
+    let mut recipe = TableRecipe::named("ltc-charlie", FormatSpec::exr(kiln::pack::Number::F32)).unwrap();
+    let axes_of_it = ["mu:13:log+0.03:edge:flip", "roughness:13:log+0.2:edge:flip"];
+    recipe.axes = axes_of_it.map(|axis| axis.parse().unwrap()).into();
+    let grid = integrated(&recipe);
+    let known = found(&grid);
+    assert_eq!(quantities(&known), recipe.channels, "{known:#?}");
+    assert_eq!(axes(&known), axes_of_it, "{known:#?}");
+    assert_eq!(known.confidence, Confidence::Certain, "{known:#?}");
+    // The same channel with two of its rows in each other's place jumps as well, and is no table.
+    let mut swapped = grid;
+    for x in 0..13 {
+        swapped.values.swap(4 * (2 * 13 + x) + 3, 4 * (6 * 13 + x) + 3);
+    }
+    let unknown = found(&swapped);
+    assert_eq!(quantities(&unknown)[..3], recipe.channels[..3], "{unknown:#?}");
+    assert_eq!(quantities(&unknown)[3], "unknown", "{unknown:#?}");
+}
+
+#[test]
+fn what_is_no_table_is_unknown_beside_what_is_one() {
+    let table = integrated(&sized("dfg", FormatSpec::exr(kiln::pack::Number::F32), 16));
+    let texels: Vec<[f64; 4]> = (table.values.chunks_exact(2).enumerate())
+        .map(|(i, own)| {
+            let (x, y) = (i % 16, i / 16);
+            // One that jumps from one channel to the other, and waves.
+            let jumps = own[usize::from(x + 2 * y > 24)];
+            let waves = 0.5 + 0.4 * (0.5 * x as f64).sin() * (0.3 * y as f64).cos();
+            [own[0], own[1], jumps, waves]
+        })
+        .collect();
+    let byte = |v: &f64| (v * 255.0).round() / 255.0;
+    let whole = texels.concat();
+    for (name, values) in [("floats", whole.clone()), ("bytes", whole.iter().map(byte).collect())] {
+        let found = found(&bare(&values, "16x16x4"));
+        assert_eq!(quantities(&found), ["ggx.scale", "ggx.bias", "unknown", "unknown"], "{name}: {found:#?}");
+    }
+}
+
 #[test]
 fn values_that_are_no_numbers_are_counted_and_the_others_are_named() {
     let mut grid = integrated(&sized("dfg", FormatSpec::exr(kiln::pack::Number::F32), 16));
