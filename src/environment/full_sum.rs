@@ -470,7 +470,7 @@ fn product_above(Patch { phi, theta }: Patch, lobe: &Lobe, rule: &Rule) -> f64 {
 ///
 /// In the middle's tangent plane a texel is a piece of a ring. To first order, s and t going from −1 to 1 across height and width, c is
 /// c₀ + g s + h t + `taper` h s t − `bow` g t², and the measure 1 + `taper` s.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Bend {
     taper: f64,
     bow: f64,
@@ -490,8 +490,8 @@ impl Bend {
 
 /// The mean of a kernel over a small texel that its horizon crosses: c in the middle, and half its change across height and width.
 ///
-/// K ≈ a (c)₊ + b (c)₊² + d (c)₊³. Over a rectangle, where c changes linearly, its mean is Σ ± A₃(c ± g ± h)/4gh, A_k being the k-th integral of K′ with regard to
-/// c. What [`Bend`] adds to first order takes A₂ and A₄ of the same corners.
+/// K ≈ a (c)₊ + b (c)₊² + d (c)₊³. Over a rectangle, where c changes linearly, its mean is Σ ± A₃(c ± g ± h)/4gh, A_k being the k-th
+/// integral of K′ with regard to c. What [`Bend`] adds to first order takes A₂ and A₄ of the same corners.
 pub(super) fn across_horizon(c: f64, halves: [f64; 2], bend: Bend, kernel: &Kernel) -> f64 {
     /// A shorter side hardly matters.
     const SHORTEST: f64 = 1e-3;
@@ -536,7 +536,7 @@ fn bent(points: usize) -> Rule {
     Rule { nodes, weights }
 }
 
-/// Whether a box is small enough for [`across_horizon`]: as flat as [`FLAT`], and within what the kernel's first two terms hold for.
+/// Whether a box is small enough for [`across_horizon`]: as flat as [`FLAT`], and within what the kernel's first three terms hold for.
 pub(super) fn is_flat(extent: f64, kernel: &Kernel) -> bool {
     let [.., length] = kernel.horizon();
     extent < FLAT * (4.0 * length).min(1.0)

@@ -303,9 +303,9 @@ pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shel
         .filter_map(|c| Some((c, relative(c, ranked[c].first()?))))
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(c, _)| c);
-    let Some(anchor) = surest.and_then(|c| ranked[c].first().map(|r| r.hypothesis.clone())) else { return };
+    let Some(best) = surest.and_then(|c| ranked[c].first()) else { return };
+    let (anchor, is_exact) = (best.hypothesis.clone(), best.is_exact());
     let n_axes = anchor.ramps.len();
-    let is_exact = surest.is_some_and(|c| ranked[c].first().is_some_and(Ranked::is_exact));
     for (c, list) in ranked.iter_mut().enumerate() {
         if Some(c) == surest {
             continue;

@@ -2,8 +2,8 @@
 //!
 //! A texel's mean of K(R·l) is K(c̄) + K″(c̄) (g₁² + g₂²)/6, c̄ = R·(mean of l), g₁ and g₂ half the change of c across its height and
 //! its width; what is left out is of fourth order in extent/distance. Texels too close for that are integrated exactly; those that
-//! the horizon crosses take the integral of the first two terms of K over a texel that is bent to first order, or, where they are bright enough for that
-//! not to be enough, the exact one.
+//! the horizon crosses take the integral of the first three terms of K over a texel that is bent to first order, or, where they are
+//! bright enough for that not to be enough, the exact one.
 //!
 //! Of fine panoramas a sun is many texels. Seen from far enough they are one light, with a mean direction and second moments of its own in
 //! each channel: what is left out is of third order, 20 (extent/distance)³ of a GGX tail's value times the light's skewness, and 4.4

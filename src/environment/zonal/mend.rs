@@ -144,8 +144,12 @@ impl Zonal<'_> {
         let (mean, function) = (self.panorama.mean(), self.function(&kernel));
         // How dark it is there is known better now: there, or, under a kernel that sees less than a bin, anywhere beside.
         let part = |suspect: &Suspect| {
-            let beside = beside(suspect.direction, kernel.width()).filter(|_| is_sharp(&kernel));
-            let values = beside.map(|direction| function.at(direction)).chain([function.at(suspect.direction)]);
+            let beside = is_sharp(&kernel).then(|| beside(suspect.direction, kernel.width()));
+            let values = beside
+                .into_iter()
+                .flatten()
+                .map(|direction| function.at(direction))
+                .chain([function.at(suspect.direction)]);
             let value = values.reduce(|a, b| std::array::from_fn(|c| a[c].min(b[c]))).unwrap_or_default();
             let lit = (0..3).filter(|&c| mean[c] > 0.0);
             lit.map(|c| suspect.left_out[c] / value[c].max(DARK_FLOOR * mean[c])).fold(0.0, f64::max)
