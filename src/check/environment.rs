@@ -4,7 +4,7 @@ use super::{Check, Precision, SIGMAS, WITNESS_POINTS, weyl};
 use crate::environment::full_sum::FullSum;
 use crate::environment::seamless::means_to_judge_by;
 use crate::environment::{
-    CubeLookup, DARK_FLOOR, Kernel, KernelKind, Orientation, Panorama, SphereLayout, SphereMap, View, ViewLobe,
+    CubeLookup, Kernel, KernelKind, Orientation, Panorama, SphereLayout, SphereMap, View, ViewLobe, error_scale,
 };
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, blocks};
@@ -298,7 +298,7 @@ impl EnvironmentValues<'_> {
                 let brightest = blocks.as_ref().map_or(of_texel, |blocks| blocks[self.block(level, texel)]);
                 let of_channel = |c: usize| {
                     let wanted = wanted[c];
-                    let scale = wanted.abs().max(DARK_FLOOR * mean[c].abs());
+                    let scale = error_scale(wanted, mean[c]);
                     let rounding = self.precision.tolerance_in(c, wanted, brightest);
                     let limit = if exactly { rounding } else { SIGMAS * level.max_error * scale + rounding };
                     let figure = (f64::from(level.texels[texel][c]) - wanted).abs();
@@ -340,8 +340,8 @@ impl EnvironmentValues<'_> {
                 let seen = map.filtered(direction);
                 (0..3)
                     .map(|c| {
-                        let scale = wanted[c].abs().max(DARK_FLOOR * mean[c]);
-                        let off = if seen[c] == wanted[c] { 0.0 } else { (seen[c] - wanted[c]).abs() / scale };
+                        let off = (seen[c] - wanted[c]).abs() / error_scale(wanted[c], mean[c]);
+                        let off = if seen[c] == wanted[c] { 0.0 } else { off };
                         if off.is_nan() { f64::INFINITY } else { off }
                     })
                     .fold(0.0, f64::max)

@@ -107,6 +107,11 @@ pub const LEAST_SHEEN: f64 = 0.07;
 /// Relative errors are taken relative to at least this part of the panorama's mean.
 pub const DARK_FLOOR: f64 = 1e-3;
 
+/// What an error of a value is relative to: the value, or [`DARK_FLOOR`] of the panorama's mean where that is darker.
+pub fn error_scale(value: f64, mean: f64) -> f64 {
+    value.abs().max(DARK_FLOOR * mean.abs())
+}
+
 /// Relative error of the area average and of the full sum: a rounding to f32, and what their tests hold them to.
 const AREA_AVERAGE_BOUND: f64 = 1e-7;
 const QUADRATURE_BOUND: f64 = 1e-6;
@@ -555,7 +560,7 @@ impl<'a> Filter<'a> {
         let (mut squares, mut largest) = (0.0, 0.0f64);
         for (value, error) in texels.iter().zip(errors) {
             for c in 0..3 {
-                let scale = f64::from(value[c]).abs().max(DARK_FLOOR * mean[c].abs());
+                let scale = error_scale(f64::from(value[c]), mean[c]);
                 // A channel that is black everywhere has no error and no scale.
                 let relative = if error[c] == 0.0 { 0.0 } else { f64::from(error[c]) / scale };
                 squares += relative * relative;

@@ -8,7 +8,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::chain::DARK_FLOOR;
+use super::chain::error_scale;
 use super::cube::{Cube, FACES, centre, face_point, locate, nearest_texel, texel_direction};
 use super::orientation::Orientation;
 use super::sphere_map::SphereMap;
@@ -124,8 +124,8 @@ fn inward_of(size: usize, texel: usize, from: usize) -> usize {
     if found / area == face { found } else { texel }
 }
 
-/// The error of a cube as a shader sees it, against the function that it holds; relative to the value, or to [`DARK_FLOOR`] of the
-/// channel's mean where the value is darker, of the brightest channel's where the channel is black everywhere.
+/// The error of a cube as a shader sees it, against the function that it holds; relative to its
+/// [`error_scale`], by the brightest channel's mean where the channel is black everywhere.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CubeLookup {
@@ -206,8 +206,8 @@ impl Probe {
             .map(|(direction, truth)| {
                 let seen = filtered(orientation.lookup(*direction));
                 std::array::from_fn(|c| {
-                    let scale = truth[c].abs().max(DARK_FLOOR * mean[c]);
-                    if seen[c] == truth[c] { 0.0 } else { (seen[c] - truth[c]).abs() / scale }
+                    let off = (seen[c] - truth[c]).abs() / error_scale(truth[c], mean[c]);
+                    if seen[c] == truth[c] { 0.0 } else { off }
                 })
             })
             .collect();
@@ -279,7 +279,7 @@ fn largest_bend(texel: [f32; 3], pairs: &[([f32; 3], [f32; 3]); 2], mean: [f64; 
     let mut largest = 0.0_f64;
     for c in 0..3 {
         let middle = f64::from(texel[c]);
-        let scale = middle.abs().max(DARK_FLOOR * mean[c].abs()).max(f64::MIN_POSITIVE);
+        let scale = error_scale(middle, mean[c]).max(f64::MIN_POSITIVE);
         for (a, b) in pairs {
             largest = largest.max((f64::from(a[c]) + f64::from(b[c]) - 2.0 * middle).abs() / scale);
         }

@@ -8,7 +8,7 @@ use crate::certificate::ALGORITHMS;
 use std::path::PathBuf;
 
 /// What a file begins with; the number changes with the layout.
-const MAGIC: &[u8; 8] = b"kilnmst1";
+const MAGIC: &[u8; 8] = b"kilnmst2";
 /// Bytes of a digest.
 const DIGEST: usize = 32;
 
@@ -44,7 +44,7 @@ pub fn read(key: &str, n: usize) -> Option<Vec<f64>> {
         return None;
     }
     let values: Vec<f64> = values.as_chunks::<8>().0.iter().map(|v| f64::from_le_bytes(*v)).collect();
-    values.iter().all(|v| v.is_finite()).then_some(values)
+    values.iter().all(|v| !v.is_infinite()).then_some(values)
 }
 
 /// Keeps `values` under `key`, if the system lets us.

@@ -221,7 +221,7 @@ fn found(
     };
     let Some(best) = ranked.first() else { return Ok(unknown) };
     let relative = best.trimmed / data.spread;
-    let times_rounding = best.rms / data.rounding.max(1e-7);
+    let times_rounding = best.rms / data.rounding_of_all.max(1e-7);
     let times = |other: &Ranked| (other.trimmed + data.rounding) / (best.trimmed + data.rounding);
     let (same, others): (Vec<&Ranked>, Vec<&Ranked>) = ranked[1..].iter().partition(|r| r.same_numbers(best));
     // Where another channel makes it certain what the texels stand for, and over that nothing is left to explain, what explains this one

@@ -2,7 +2,7 @@
 
 use super::hypothesis::{Choice, Data, Hypothesis, MASTER_ERROR, choice};
 use super::ramp::{Place, Ramp};
-use super::residual::{KNOWN, Sums, encoding, left, price};
+use super::residual::{KNOWN, Sums, Wanted, encoding, left, price};
 use crate::math::warp::Warp;
 
 /// Indices along each dimension while the best are fitted.
@@ -61,7 +61,7 @@ pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f
     let predicted = hypothesis.predict(choice);
     let curve = hypothesis.encoding.curve;
     let sums = Sums::of(values, &predicted);
-    let (encoding, residual, cost) = encoding(values, &predicted, curve, &sums, floor, f64::INFINITY, &mut vec![]);
+    let (encoding, residual, cost) = encoding(values, &predicted, curve, &sums, Wanted::any(floor), &mut vec![]);
     (Hypothesis { encoding, residual, ..hypothesis.clone() }, cost)
 }
 
@@ -74,9 +74,9 @@ pub fn resettle(hypothesis: &Hypothesis, data: &Data, choice: &Choice) -> (Hypot
     (settled, cost * price)
 }
 
-/// The same with the encoding that it has; nothing where more than `few` texels are rounded wrongly.
+/// The same with the encoding that it has; nothing where more than `few` texels are rounded wrongly, of those of which the master knows.
 pub fn as_it_is(hypothesis: Hypothesis, few: usize, data: &Data, choice: &Choice) -> Option<(Hypothesis, f64)> {
-    let predicted = hypothesis.predict(choice);
+    let predicted = hypothesis.predict_known(choice);
     if hypothesis.misrounded(&predicted, data, choice) > few {
         return None;
     }

@@ -36,10 +36,14 @@ pub struct Data {
     pub values: Vec<f64>,
     /// Texels along the dimensions that have more than one.
     pub sizes: Vec<usize>,
-    /// Standard deviation.
+    /// Standard deviation, of the nine tenths nearest to the median where the rest varies far more.
     pub spread: f64,
-    /// What correct rounding leaves, RMS.
+    /// What it is of all values, in parts of that.
+    pub peaks: f64,
+    /// What correct rounding leaves, RMS, without the worst tenth: so residuals are counted.
     pub rounding: f64,
+    /// The same with the worst tenth: where a few values are large, floating-point numbers leave nearly all of it there.
+    pub rounding_of_all: f64,
     /// The distance of neighbouring stored numbers at every value: correct rounding is off by half of it at most.
     pub steps: Vec<f64>,
 }
@@ -90,8 +94,17 @@ pub(super) fn taps(nodes: &Axis, ramp: &Ramp, chosen: &[usize]) -> Vec<Taps> {
 }
 
 impl Hypothesis {
-    /// The quantity at a choice of texels, x fastest.
+    /// The quantity at a choice of texels, x fastest, as far as the master tells.
     pub fn predict(&self, choice: &Choice) -> Vec<f64> {
+        self.look_up(self.master.plane(self.quantity), choice)
+    }
+
+    /// The same with NaN where the master is far off: beside places at which the quantity diverges.
+    pub fn predict_known(&self, choice: &Choice) -> Vec<f64> {
+        self.look_up(self.master.known(self.quantity), choice)
+    }
+
+    fn look_up(&self, plane: &[f64], choice: &Choice) -> Vec<f64> {
         let nodes = &self.master.definition.nodes;
         let mut per_parameter: Vec<Vec<Taps>> = vec![vec![]; nodes.len()];
         for (dimension, &p) in self.varies.iter().enumerate() {
@@ -100,7 +113,7 @@ impl Hypothesis {
         if let (Some(value), Some((last, taps))) = (self.free, nodes.last().zip(per_parameter.last_mut())) {
             *taps = vec![Taps::new(last.position(value), last.size)];
         }
-        let values = self.master.grid(self.quantity, &per_parameter);
+        let values = self.master.grid(plane, &per_parameter);
         in_table_order(&values, &per_parameter, &self.varies)
     }
 

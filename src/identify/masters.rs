@@ -57,6 +57,23 @@ impl Definition {
         }
     }
 
+    /// Whether a quantity peaks between a node and the next, where interpolation does not see it: a sheen does at mu² ~ alpha, the higher the
+    /// smaller both are.
+    fn is_steep_at(&self, node: usize) -> bool {
+        let is_peaked =
+            self.handle.quantity.name == "charlie.albedo" && self.model.visibility != Visibility::CharlieSoftened;
+        is_peaked
+            && self
+                .nodes
+                .iter()
+                .scan(node, |rest, axis| {
+                    let i = *rest % axis.size;
+                    *rest /= axis.size;
+                    Some(i)
+                })
+                .any(|i| i == 0)
+    }
+
     /// Everything that its values depend on, to name a file with.
     fn key(&self) -> String {
         let nodes: Vec<String> = self.nodes.iter().map(Axis::to_string).collect();
@@ -72,6 +89,8 @@ pub struct Master {
     pub definition: Definition,
     /// Each quantity at every node, the first parameter fastest.
     planes: Vec<Vec<f64>>,
+    /// The same with NaN where it diverges, or peaks; nothing where it does not.
+    known: Option<Vec<Vec<f64>>>,
 }
 
 /// What values of a master may be off by.
@@ -298,7 +317,7 @@ pub fn load(n_axes: usize, shelf: Shelf, use_cache: bool) -> Result<Vec<Arc<Mast
         .collect()
 }
 
-/// The values at every node, the first parameter fastest, all quantities of a node together.
+/// The values at every node, the first parameter fastest, all quantities of a node together; NaN where they diverge.
 pub(super) fn integrate(definition: &Definition) -> Result<Vec<f64>> {
     let family = definition.handle.family;
     let settings = if family.has_quadrature() {
@@ -330,17 +349,7 @@ pub(super) fn integrate(definition: &Definition) -> Result<Vec<f64>> {
             }
         })
         .collect::<Result<_>>()?;
-    let mut values = rows.concat();
-    // Where a quantity diverges, no table holds its value either: the next node's does for interpolation beside it.
-    let n_quantities = definition.quantities().len();
-    for i in (0..values.len()).rev().filter(|&i| !rows_finite(&rows, i, n_quantities)) {
-        values[i] = values.get(i + n_quantities).copied().filter(|v| v.is_finite()).unwrap_or(0.0);
-    }
-    Ok(values)
-}
-
-fn rows_finite(rows: &[Vec<f64>], value: usize, n_quantities: usize) -> bool {
-    rows[value / n_quantities][value % n_quantities].is_finite()
+    Ok(rows.concat())
 }
 
 /// Four neighbouring nodes and their weights: a cubic polynomial through them.
@@ -412,18 +421,41 @@ impl Master {
     pub(super) fn new(definition: Definition, values: &[f64]) -> Self {
         let n_quantities = definition.quantities().len();
         let plane = |q| values.chunks_exact(n_quantities).map(|node| node[q]).collect();
-        Self { planes: (0..n_quantities).map(plane).collect(), definition }
+        let mut planes: Vec<Vec<f64>> = (0..n_quantities).map(plane).collect();
+        let steep: Vec<usize> = (0..planes[0].len()).filter(|&node| definition.is_steep_at(node)).collect();
+        if steep.is_empty() && !values.iter().any(|v| v.is_nan()) {
+            return Self { planes, known: None, definition };
+        }
+        let mut known = planes.clone();
+        for (plane, known) in planes.iter_mut().zip(&mut known) {
+            steep.iter().for_each(|&node| known[node] = f64::NAN);
+            // Where a quantity diverges, no table holds its value either: the next node's does for interpolation beside it.
+            let mut next = 0.0;
+            for value in plane.iter_mut().rev() {
+                if value.is_nan() {
+                    *value = next;
+                }
+                next = *value;
+            }
+        }
+        Self { planes, known: Some(known), definition }
     }
 
-    /// Quantity `q` at every node, the first parameter fastest.
+    /// Quantity `q` at every node, the first parameter fastest; where it diverges, what it is at the next.
     pub fn plane(&self, q: usize) -> &[f64] {
         &self.planes[q]
     }
 
-    /// Quantity `q` at every texel of a grid that is the product of the taps along each parameter, the first fastest.
-    pub fn grid(&self, q: usize, taps: &[Vec<Taps>]) -> Vec<f64> {
+    /// The same with NaN where it diverges or peaks: what is interpolated beside such a node is NaN then, for it is far off there.
+    pub fn known(&self, q: usize) -> &[f64] {
+        &self.known.as_ref().unwrap_or(&self.planes)[q]
+    }
+
+    /// What this plane of the master says at every texel of a grid that is the product of the taps along each parameter, the first
+    /// fastest.
+    pub fn grid(&self, plane: &[f64], taps: &[Vec<Taps>]) -> Vec<f64> {
         // One parameter after the other, from the last: each shrinks the grid to what is asked for.
-        let mut values = Cow::Borrowed(self.plane(q));
+        let mut values = Cow::Borrowed(plane);
         let mut sizes: Vec<usize> = self.definition.nodes.iter().map(|a| a.size).collect();
         for dimension in (0..sizes.len()).rev() {
             values = along(&values, &sizes, dimension, &taps[dimension]).into();

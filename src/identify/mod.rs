@@ -320,23 +320,29 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let n = finite.len() as f64;
     let mean = finite.iter().sum::<f64>() / n;
     let whole = (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-    // Residuals are counted without the worst tenth: so must the spread be, about the median. Nothing explains a channel that varies in
-    // that tenth only.
+    // Residuals are counted without the worst tenth: so must the spread be, about the median, and what rounding leaves. Nothing explains a
+    // channel that varies in that tenth only.
+    let without_worst = |mut squares: Vec<f64>| {
+        squares.sort_by(f64::total_cmp);
+        squares.truncate((squares.len() * 9).div_ceil(10));
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    };
     let mut sorted = finite.clone();
     sorted.sort_by(f64::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(mean);
-    let mut squares: Vec<f64> = finite.iter().map(|v| (v - median).powi(2)).collect();
-    squares.sort_by(f64::total_cmp);
-    let most = &squares[..(squares.len() * 9).div_ceil(10)];
-    let spread = whole.min(2.0 * (most.iter().sum::<f64>() / most.len().max(1) as f64).sqrt());
+    let spread = whole.min(2.0 * without_worst(finite.iter().map(|v| (v - median).powi(2)).collect()));
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.
     let brightest = grid.brightest();
     let steps: Vec<f64> = values.iter().zip(brightest).map(|(&v, most)| stored.step_beside(v, most)).collect();
-    let squares: f64 = steps.iter().zip(&values).filter(|(_, v)| v.is_finite()).map(|(s, _)| s.powi(2) / 12.0).sum();
-    let rounding = (squares / n).sqrt();
+    let squares: Vec<f64> =
+        (steps.iter().zip(&values).filter(|(_, v)| v.is_finite())).map(|(s, _)| s * s / 12.0).collect();
+    let rounding_of_all = (squares.iter().sum::<f64>() / n).sqrt();
+    let rounding = without_worst(squares);
     let (low, high) = finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-    (high - low > 2.0 * stored.step(high)).then(|| Data { values, sizes: sizes.to_vec(), spread, rounding, steps })
+    let sizes = sizes.to_vec();
+    let data = || Data { values, sizes, spread, peaks: whole / spread, rounding, rounding_of_all, steps };
+    (high - low > 2.0 * stored.step(high)).then(data)
 }
 
 /// What a hypothesis claims of channel `index` of the file, as it should be: without shifts.

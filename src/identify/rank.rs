@@ -298,11 +298,14 @@ fn exact_beside(anchor: &Hypothesis, data: &Data, judge: &Judge) -> Result<Vec<R
 /// Channels of one table mostly share their axes and their model: whichever the surest has, the others are given too, if they fit
 /// about as well. `shelves`: whose quantities they may be.
 pub fn share_axes(ranked: &mut [Vec<Ranked>], channels: &[Data], shelves: &[Shelf], options: &Options, judge: &Judge) {
-    let relative = |c: usize, r: &Ranked| (r.trimmed + channels[c].rounding) / channels[c].spread;
-    let surest = (0..ranked.len())
-        .filter_map(|c| Some((c, relative(c, ranked[c].first()?))))
-        .min_by(|a, b| a.1.total_cmp(&b.1))
-        .map(|(c, _)| c);
+    // What has no fitted number and is exact anyway is surer than what leaves less, unless there are so few levels that it may be by chance.
+    let doubts = |c: usize| {
+        let (best, data) = (ranked[c].first()?, &channels[c]);
+        let is_plain = best.is_exact() && best.hypothesis.is_simple() && data.rounding <= GOOD * data.spread;
+        Some((c, !is_plain, (best.trimmed + data.rounding) / data.spread))
+    };
+    let surest =
+        (0..ranked.len()).filter_map(doubts).min_by(|a, b| a.1.cmp(&b.1).then(a.2.total_cmp(&b.2))).map(|(c, ..)| c);
     let Some(best) = surest.and_then(|c| ranked[c].first()) else { return };
     let (anchor, is_exact) = (best.hypothesis.clone(), best.is_exact());
     let n_axes = anchor.ramps.len();

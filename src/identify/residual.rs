@@ -83,24 +83,43 @@ pub(super) fn left(values: &[f64], predicted: &[f64], encoding: Encoding) -> f64
     trimmed(values, predicted, encoding.scale, encoding.offset, f64::INFINITY, &mut vec![])
 }
 
-/// How much of what is left may be in the worst tenth of the texels: more is not looked for while everything is tried.
+/// How much of what is left may be in the worst tenth of the texels, more where the values have peaks: more is not looked for while everything
+/// is tried.
 const WORST_TENTH: f64 = 4.0;
 
+/// What a residual must be to be of interest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wanted {
+    /// What is added to every residual: what masters and rounding leave.
+    pub floor: f64,
+    /// What it may be with that and its price.
+    pub limit: f64,
+    /// How much more than the rest the values' own peaks vary.
+    pub peaks: f64,
+}
+
+impl Wanted {
+    /// Any.
+    pub(super) fn any(floor: f64) -> Self {
+        Self { floor, limit: f64::INFINITY, peaks: 1.0 }
+    }
+}
+
 /// The encoding that explains `values` best for its simplicity, the residual, and that residual with its price, which is infinite
-/// where it is clear that it exceeds `limit`. `squares` is overwritten.
+/// where it is clear that it exceeds what is wanted. `squares` is overwritten.
 pub(super) fn encoding(
     values: &[f64],
     predicted: &[f64],
     curve: Curve,
     sums: &Sums,
-    floor: f64,
-    limit: f64,
+    Wanted { floor, limit, peaks }: Wanted,
     squares: &mut Vec<f64>,
 ) -> (Encoding, f64, f64) {
     let (a, b) = sums.nearest();
     // What is left with its worst tenth is known without sorting; while everything is tried, the rest is taken to be no less than a
     // part of it.
-    let least = |scale, offset| if limit < f64::INFINITY { sums.left(scale, offset) / WORST_TENTH } else { 0.0 };
+    let least =
+        |scale, offset| if limit < f64::INFINITY { sums.left(scale, offset) / (WORST_TENTH * peaks) } else { 0.0 };
     let mut best = (Encoding { scale: a, offset: b, curve }, f64::INFINITY, f64::INFINITY);
     // The price of no meaning is the highest: last.
     for (scale, offset) in KNOWN.into_iter().chain([(a, b)]) {

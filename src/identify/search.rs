@@ -3,7 +3,7 @@
 use super::hypothesis::{Choice, Data, Hypothesis, MASTER_ERROR, choice, table_order, taps};
 use super::masters::{Master, Taps, along};
 use super::ramp::{Place, Ramp, ramps};
-use super::residual::{Sums, encoding, sum};
+use super::residual::{Sums, Wanted, encoding, sum};
 use crate::claim::{Curve, Encoding};
 use crate::math::warp::Warp;
 use crate::table::Axis;
@@ -210,8 +210,11 @@ fn try_all(
     });
     let mut trial = Trial {
         values: values.collect(),
-        floors: channels.iter().map(|data| MASTER_ERROR + data.rounding).collect(),
-        limits,
+        wanted: channels
+            .iter()
+            .zip(limits)
+            .map(|(data, &limit)| Wanted { floor: MASTER_ERROR + data.rounding, limit, peaks: data.peaks })
+            .collect(),
         best: vec![vec![]; channels.len()],
         squares: vec![],
     };
@@ -280,24 +283,24 @@ struct TrialValues {
 }
 
 /// One master, of which every combination of ramps is tried.
-struct Trial<'a> {
+struct Trial {
     values: Vec<TrialValues>,
-    floors: Vec<f64>,
-    /// What a hypothesis of each channel may cost.
-    limits: &'a [f64],
+    /// Of each channel.
+    wanted: Vec<Wanted>,
     best: Vec<Vec<Found>>,
     squares: Vec<f64>,
 }
 
-impl Trial<'_> {
+impl Trial {
     fn judge(&mut self, quantity: usize, chosen: &[usize], predicted: &[f64]) {
         let own = (sum(predicted, predicted, |p, _| p), sum(predicted, predicted, |p, _| p * p));
         for TrialValues { channel: c, curve, values, sums } in &self.values {
             let list = &mut self.best[*c];
-            let limit = list.get(KEPT - 1).map_or(self.limits[*c], |last| last.cost.min(self.limits[*c]));
+            let wanted = self.wanted[*c];
+            let limit = list.get(KEPT - 1).map_or(wanted.limit, |last| last.cost.min(wanted.limit));
             let sums = sums.map_or_else(|| Sums::of(values, predicted), |sums| sums.with(values, predicted, own));
             let (encoding, residual, cost) =
-                encoding(values, predicted, *curve, &sums, self.floors[*c], limit, &mut self.squares);
+                encoding(values, predicted, *curve, &sums, Wanted { limit, ..wanted }, &mut self.squares);
             if cost <= limit {
                 let at = list.partition_point(|known| known.cost < cost);
                 list.insert(at, Found { cost, quantity, chosen: chosen.to_vec(), encoding, residual });

@@ -24,7 +24,8 @@ pub(super) struct Bounds<'a> {
 const TOGETHER: usize = 16;
 
 impl Bounds<'_> {
-    /// Whether predictions from `least` to `most` are refuted: of more texels than may be, none of them is between the bounds.
+    /// Whether predictions from `least` to `most` are refuted: of more texels than may be, none of them is between the bounds. NaN, which
+    /// nothing is known of, may be between any.
     fn refute(&self, least: &[f64], most: &[f64]) -> bool {
         let (least, most) = if self.scale < 0.0 { (most, least) } else { (least, most) };
         let mut missed = 0;
@@ -35,8 +36,8 @@ impl Bounds<'_> {
             let mut outside = 0u64;
             for ((least, most), (low, high)) in least.iter().zip(most).zip(low.iter().zip(high)) {
                 let (least, most) = (self.scale * least + self.offset, self.scale * most + self.offset);
-                let meets = (low - self.slack <= most) & (least <= high + self.slack);
-                outside = outside.wrapping_add(u64::from(!meets));
+                let misses = (low - self.slack > most) | (least > high + self.slack);
+                outside = outside.wrapping_add(u64::from(misses));
             }
             missed += outside as usize;
             if missed > self.may_miss {
@@ -99,16 +100,16 @@ impl Predictions {
         let (least, most) = new.split_at_mut(self.n_texels);
         let [x, y] = halves.map(|some| between(some, &self.values, before, self.counts, self.n_texels));
         for ((least, x), y) in least.iter_mut().zip(x.0).zip(y.0) {
-            *least = if x < y { *x } else { *y };
+            *least = if x < y || x.is_nan() { *x } else { *y };
         }
         for ((most, x), y) in most.iter_mut().zip(x.1).zip(y.1) {
-            *most = if x > y { *x } else { *y };
+            *most = if x > y || x.is_nan() { *x } else { *y };
         }
         self.halves.push(halves);
         Part::Halves(self.halves.len() - 1)
     }
 
-    /// Visits every prediction that is not refuted: the numbers of its ramps.
+    /// Visits every prediction that is not refuted, and of half the texels at least is none: the numbers of its ramps.
     pub(super) fn admitted(&self, bounds: &Bounds, visit: &mut impl FnMut([usize; 2])) {
         self.admitted_of(self.all, bounds, visit);
     }
@@ -120,7 +121,12 @@ impl Predictions {
         }
         match some {
             Part::None => {}
-            Part::One(chosen) => visit(chosen),
+            Part::One(chosen) => {
+                let unknown = least.iter().filter(|v| v.is_nan()).count();
+                if 2 * unknown <= self.n_texels {
+                    visit(chosen);
+                }
+            }
             Part::Halves(halves) => self.halves[halves].iter().for_each(|half| self.admitted_of(*half, bounds, visit)),
         }
     }

@@ -21,7 +21,7 @@ use super::lanes::InstructionSet;
 use super::plan::{Plan, is_wide, lambdas, usual_degree};
 use super::survey::Survey;
 use super::{Function, Part, Zonal, least_of};
-use crate::environment::DARK_FLOOR;
+use crate::environment::error_scale;
 use crate::environment::kernel::Kernel;
 use crate::environment::peel::Peel;
 use crate::math::quadrature::gauss_legendre;
@@ -114,8 +114,8 @@ impl Zonal<'_> {
         weak
     }
 
-    /// The error at the poles, in parts of the value or of [`DARK_FLOOR`] of the mean. It is known without rings and without a full sum: the filter has
-    /// only order 0 there, and the truth is a sum over rows. A map whose upper half is dark is off most just there.
+    /// The error at the poles, relative to its [`error_scale`]. It is known without rings and without a full sum: the filter has only
+    /// order 0 there, and the truth is a sum over rows. A map whose upper half is dark is off most just there.
     fn off_at_poles(&self, part: &Part, plan: &Plan, survey: &Survey) -> f64 {
         let (mean, [low, high]) = (self.panorama.mean(), self.range);
         let weights = row_weights(&plan.kernel, self.panorama.height());
@@ -152,7 +152,7 @@ impl Zonal<'_> {
                 .chain([function.at(suspect.direction)]);
             let value = values.reduce(|a, b| std::array::from_fn(|c| a[c].min(b[c]))).unwrap_or_default();
             let lit = (0..3).filter(|&c| mean[c] > 0.0);
-            lit.map(|c| suspect.left_out[c] / value[c].max(DARK_FLOOR * mean[c])).fold(0.0, f64::max)
+            lit.map(|c| suspect.left_out[c] / error_scale(value[c].max(0.0), mean[c])).fold(0.0, f64::max)
         };
         let mut suspects: Vec<(f64, DVec3)> = suspects.par_iter().map(|s| (part(s), s.direction)).collect();
         suspects.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -172,7 +172,7 @@ impl Zonal<'_> {
         Weak { kernel, directions, off: measured.max((told * measured).sqrt()) }
     }
 
-    /// The error of each channel of a function in a direction, in parts of the value or of [`DARK_FLOOR`] of the mean.
+    /// The error of each channel of a function in a direction, relative to its [`error_scale`].
     pub(super) fn errors(&self, function: &Function, direction: DVec3) -> [f64; 3] {
         self.relative(function.at(direction), self.exact.evaluate(direction, &function.kernel))
     }
@@ -180,8 +180,7 @@ impl Zonal<'_> {
     fn relative(&self, got: [f64; 3], wanted: [f64; 3]) -> [f64; 3] {
         let mean = self.panorama.mean();
         std::array::from_fn(|c| {
-            let scale = wanted[c].abs().max(DARK_FLOOR * mean[c].abs());
-            if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / scale }
+            if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / error_scale(wanted[c], mean[c]) }
         })
     }
 }

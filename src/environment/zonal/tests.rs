@@ -1,4 +1,4 @@
-use super::super::KernelKind;
+use super::super::{KernelKind, error_scale};
 use super::*;
 
 fn aims(panorama: &Panorama) -> Vec<DVec3> {
@@ -68,7 +68,7 @@ fn every_level_is_within_1e_4_of_the_full_sum_wherever_errors_hide() {
             for direction in aims(&panorama) {
                 let (got, wanted) = (function.at(direction), exact.evaluate(direction, &kernel));
                 for c in 0..3 {
-                    let tolerance = 1e-4 * wanted[c].max(1e-3 * mean[c]);
+                    let tolerance = 1e-4 * error_scale(wanted[c], mean[c]);
                     assert!(
                         (got[c] - wanted[c]).abs() < tolerance,
                         "width {width}, sun {sun:?}, alpha {}, {direction}, channel {c}: {} wanted {} ± {tolerance}",
@@ -112,7 +112,7 @@ fn the_hardest_of_random_maps_are_within_1e_4_of_the_full_sum_wherever_errors_hi
         for direction in aims(&panorama).into_iter().chain(weak) {
             let (got, wanted) = (function.at(direction), exact.evaluate(direction, &kernel));
             for c in 0..3 {
-                let tolerance = 1e-4 * wanted[c].max(1e-3 * mean[c]);
+                let tolerance = 1e-4 * error_scale(wanted[c], mean[c]);
                 assert!(
                     (got[c] - wanted[c]).abs() <= tolerance,
                     "map {number}, {kind:?} of alpha {alpha}, {direction}, channel {c}: {} wanted {} ± {tolerance}",
@@ -143,7 +143,7 @@ fn a_dark_room_takes_a_tail_and_is_as_exact() {
         for direction in aims(&panorama).into_iter().chain(darkest) {
             let (got, wanted) = (function.at(direction), exact.evaluate(direction, kernel));
             for c in 0..3 {
-                let tolerance = 1e-4 * wanted[c].max(1e-3 * mean[c]);
+                let tolerance = 1e-4 * error_scale(wanted[c], mean[c]);
                 let off = (got[c] - wanted[c]).abs();
                 assert!(off < tolerance, "{name} {alpha}, {direction}, channel {c}: off by {off:e} of {}", wanted[c]);
             }

@@ -1,6 +1,6 @@
 //! A grid from what each kind of file holds.
 
-use super::{Described, Grid, GridChannel, RawNumber, Shape, Stored, interleaved, letters, shape};
+use super::{Described, Grid, GridChannel, RawNumber, Shape, Stored, interleaved, letters, shape, stored};
 use crate::error::{Error, Result};
 use crate::format::{Array, Image, Texture, colour_order, embedded, literals};
 use crate::pack::{Number, TexelFormat};
@@ -179,7 +179,7 @@ impl Grid {
         let names = letters(shape.channels);
         if stored == Stored::F32 {
             let format = TexelFormat::Plain { channels: shape.channels, number: Number::F32 };
-            return Self::of_named(shape.size, names, values, source, format);
+            return Self::of_named(shape.size, names, stored::as_floats(values), source, format);
         }
         Self::new(shape.size, names, values, source, |_| stored)
     }

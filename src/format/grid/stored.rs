@@ -29,6 +29,19 @@ const FLOAT_PLACES: u32 = 7;
 /// Places that a decimal has at most before it says nothing about rounding.
 const MOST_PLACES: u32 = 17;
 
+/// The floats whose digits these are, as few as tell each from its neighbours, or nine; the same numbers where some are no such digits.
+pub(super) fn as_floats(values: Vec<f64>) -> Vec<f64> {
+    /// Half a unit of the ninth digit, at most.
+    const NINE_DIGITS: f64 = 5e-9;
+    let is_float = |&value: &f64| {
+        let float = value as f32;
+        !value.is_finite()
+            || (value - f64::from(float)).abs() <= NINE_DIGITS * value.abs()
+            || float.to_string().parse() == Ok(value)
+    };
+    if values.iter().all(is_float) { values.iter().map(|&v| f64::from(v as f32)).collect() } else { values }
+}
+
 impl Stored {
     /// The distance of neighbouring numbers at `value`, on its own: correct rounding is off by at most half of it.
     pub fn step(self, value: f64) -> f64 {
@@ -146,6 +159,19 @@ impl From<Stored> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn digits_of_floats_are_the_floats() {
+        let floats: Vec<f32> = vec![645.185_4, 0.1, 0.0, -3.0e-5, 2.5e7, f32::NAN, f32::INFINITY];
+        let printed = |digits: &dyn Fn(f32) -> String| floats.iter().map(|v| digits(*v).parse().unwrap()).collect();
+        for digits in [&|v: f32| v.to_string(), &|v: f32| format!("{v:.8e}")] as [&dyn Fn(f32) -> String; 2] {
+            let read = as_floats(printed(digits));
+            assert!(read.iter().zip(&floats).all(|(a, b)| a.total_cmp(&f64::from(*b)).is_eq()), "{read:?}");
+        }
+        // Of numbers with more digits, each is what it is.
+        let doubles: Vec<f64> = (1..20).map(|i| 1.0 / f64::from(i)).collect();
+        assert_eq!(as_floats(doubles.clone()), doubles);
+    }
 
     #[test]
     fn floats_that_were_bytes_or_halves_are_known() {

@@ -2,7 +2,7 @@
 
 use super::{LevelError, median};
 use crate::environment::seamless::across_edges;
-use crate::environment::{DARK_FLOOR, SphereMap};
+use crate::environment::{DARK_FLOOR, SphereMap, error_scale};
 
 /// A texel is a firefly when it is brighter than this many times what it should be.
 const FIREFLY: f64 = 2.0;
@@ -16,7 +16,7 @@ pub(super) struct Compared<'a> {
 
 impl Compared<'_> {
     fn floor(&self, texel: usize, c: usize) -> f64 {
-        self.truth[texel][c].abs().max(DARK_FLOOR * self.mean[c].abs())
+        error_scale(self.truth[texel][c], self.mean[c])
     }
 
     /// The median of file/truth over texels and channels.

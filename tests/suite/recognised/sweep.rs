@@ -240,7 +240,9 @@ impl Written {
         let [w, h, d] = size;
         let Some((spec, format)) = self.format(n) else {
             let (bytes, described) = self.bare(size, n, values);
-            return (bytes, described, PackReport::default());
+            let is_half = matches!(self, Self::Bare(RawNumber::F16, _));
+            let overflowed = values.iter().filter(|v| is_half && v.abs() > f64::from(half::f16::MAX)).count() as u64;
+            return (bytes, described, PackReport { overflowed, ..PackReport::default() });
         };
         // Channels that the format has beyond the table's are empty.
         let wide: Vec<f64> = values
