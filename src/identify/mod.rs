@@ -157,8 +157,13 @@ pub fn identify(grid: &Grid, options: &Options) -> Result<Identification> {
     let judge = Judge::new()?;
     let mut looked: Vec<Looked> = vec![];
     for readings in [readings, rough] {
-        // Where the factor of four bytes steps, so do the bytes: read as what they are, tables are smooth.
-        if looked.iter().all(|looked| looked.found.confidence < Confidence::Likely) {
+        // Where the factor of four bytes steps, so do the bytes: read as what they are, tables are smooth. A few texels with a peak are not: then
+        // what another reading comes near to is not taken before this one was looked at.
+        let is_settled = |found: &Identification| match found.packing {
+            None => found.confidence >= Confidence::Likely,
+            Some(_) => found.confidence == Confidence::Certain,
+        };
+        if !looked.iter().any(|looked| is_settled(&looked.found)) {
             looked.extend(first_look(readings, options, &judge)?);
         }
     }
