@@ -9,8 +9,8 @@ mod sweep;
 
 use crate::support::tools;
 use kiln::claim::{Claim, Said};
-use kiln::format::grid::{Described, Grid};
-use kiln::format::{FormatSpec, Packing, Texture, encode};
+use kiln::format::grid::{Described, Grid, RawNumber};
+use kiln::format::{Container, FormatSpec, Packing, Texture, encode};
 use kiln::identify::{Confidence, Identification, Options, identify, masters};
 use kiln::integrate::{Integration, Settings};
 use kiln::model::charlie::Visibility;
@@ -219,6 +219,45 @@ fn volumes_pass_as_somebody_elses_and_are_named() {
         case("ggx-albedo-anisotropic", "mu:4,alpha_x:4,alpha_y:4", "ktx2:r16f"),
     ] {
         case.judged();
+    }
+}
+
+/// Tables that the matrix of every pair of choices once found not to be named: few texels, and peaks in a corner.
+#[test]
+fn tables_with_peaks_are_named() {
+    use sweep::Written::{Bare, Coded, FlatJson, Numbers};
+    masters();
+    let plain = Model::default();
+    let charlie = Model { visibility: Visibility::Charlie, ..plain };
+    let weight = "generalized-schlick-dielectric";
+    for case in [
+        // Masters are far off where the sheen peaks, in more texels than may be missed.
+        sweep::Case::of("charlie-albedo", plain, "mu:8:cbrt,roughness:8:cbrt", Numbers(Container::Js, Number::F32)),
+        // Of a float no more digits are printed than tell it from others.
+        sweep::Case::of(
+            "charlie-albedo",
+            charlie,
+            "mu:64:sqrt,roughness:64:sqrt",
+            Numbers(Container::Rust, Number::F32),
+        ),
+        // Another packing is smoother, and a sheen comes near to what that reads.
+        sweep::Case::of("charlie-albedo", charlie, "mu:8:cbrt,roughness:8:cbrt", Coded("ktx2:rgbd")),
+        // A plain third channel, to which much else can be fitted exactly.
+        sweep::Case::of("cloth-split", plain, "mu:8:acos,roughness:8:square", FlatJson(7)),
+        // The large values of the second channel leave nearly all of what rounding does.
+        sweep::Case::of("cloth-split", plain, "mu:32:cbrt,roughness:32:cbrt", Bare(RawNumber::F16, false)),
+        // Nothing is left of the search where whatever is tried is off by most in a few texels.
+        sweep::Case::of(
+            weight,
+            plain,
+            "eta:33:f0-fourth-root:edge,mu:8:square:edge:flip,roughness:8:edge:flip",
+            Numbers(Container::Dds, Number::F16),
+        ),
+    ] {
+        match case.judged() {
+            Ok(sweep::Verdict::Named(sure)) => assert!(sure >= Confidence::Likely, "{}: {sure:?}", case.name()),
+            other => panic!("{}: {other:?}", case.name()),
+        }
     }
 }
 

@@ -349,6 +349,11 @@ pub struct Case {
 }
 
 impl Case {
+    pub fn of(table: &str, model: Model, axes: &str, written: Written) -> Self {
+        let axes = axes.split(',').map(|axis| axis.parse().unwrap()).collect();
+        Self { kind: Kind::of(table, model), axes, written }
+    }
+
     fn spec(&self, channels: &[&str], axes: &[Axis], model: Model) -> TableSpec {
         let at = self.kind.table.default_point().unwrap();
         let given = |p: Parameter| axes.iter().any(|a| a.parameter.canonical() == p.canonical()) || at.get(p).is_ok();
