@@ -60,18 +60,10 @@ impl Definition {
     /// Whether a quantity peaks between a node and the next, where interpolation does not see it: a sheen does at mu² ~ alpha, the higher the
     /// smaller both are.
     fn is_steep_at(&self, node: usize) -> bool {
-        let is_peaked =
-            self.handle.quantity.name == "charlie.albedo" && self.model.visibility != Visibility::CharlieSoftened;
-        is_peaked
-            && self
-                .nodes
-                .iter()
-                .scan(node, |rest, axis| {
-                    let i = *rest % axis.size;
-                    *rest /= axis.size;
-                    Some(i)
-                })
-                .any(|i| i == 0)
+        let n_angles = self.nodes[0].size;
+        self.handle.quantity.name == "charlie.albedo"
+            && self.model.visibility != Visibility::CharlieSoftened
+            && (node.is_multiple_of(n_angles) || node < n_angles)
     }
 
     /// Everything that its values depend on, to name a file with.
