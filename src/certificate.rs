@@ -46,7 +46,7 @@ pub const CONTENT_KEY: &str = "kiln.content";
 /// The metadata key under which an array texture has the certificates of its layers.
 pub const LAYERS_KEY: &str = "kiln.layers";
 /// Counts the changes to the algorithms that change bytes.
-pub const ALGORITHMS: u32 = 8;
+pub const ALGORITHMS: u32 = 9;
 
 /// All that is known of a baked file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -37,7 +37,8 @@ impl Beckmann {
         mu * libm::erf(a) + 0.5 * FRAC_2_SQRT_PI * width * (-a * a).exp()
     }
 
-    fn visibility(&self, mu_o: f64, mu_i: f64) -> f64 {
+    /// G2/(4 mu_o mu_i).
+    pub fn visibility(&self, mu_o: f64, mu_i: f64) -> f64 {
         self.smith.visibility(self.alpha, (mu_o, self.l(mu_o)), (mu_i, self.l(mu_i)))
     }
 }

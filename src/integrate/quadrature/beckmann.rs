@@ -10,6 +10,7 @@
 //! deviations, and the rules are graded to one. The branch point of the Fresnel factor, at y = −C²/b, is never nearer than the
 //! Gaussian's width. Derived here; checked against Monte Carlo.
 
+use super::limit::Limit;
 use super::{Rung, Sum, climb, quarter_tangent};
 use crate::integrate::Estimate;
 use crate::math::frame::{elevation, sine_of_cosine};
@@ -26,7 +27,11 @@ pub fn beckmann_reflection<const K: usize>(
     tolerance: f64,
     fresnel: impl Fn(f64) -> [f64; K],
 ) -> [Estimate; K] {
-    climb(tolerance, |rung| Sum { values: over_elevation(mu, lobe, rung, &fresnel), defect: 0.0 })
+    let of = |alpha| Beckmann { alpha, ..*lobe };
+    let straight = |mu, alpha| of(alpha).visibility(mu, mu);
+    Limit::of(mu, lobe.alpha).reflection(straight, &fresnel, |mu, alpha| {
+        climb(tolerance, |rung| Sum { values: over_elevation(mu, &of(alpha), rung, &fresnel), defect: 0.0 })
+    })
 }
 
 /// 2 ∫ E(mu) mu dmu with F = 1: the average albedo.

@@ -38,9 +38,18 @@ pub fn ggx_reflection<const K: usize>(
     tolerance: f64,
     fresnel: impl Fn(f64) -> [f64; K],
 ) -> [Estimate; K] {
-    Limit::of(mu, alpha).reflection(smith, &fresnel, |mu, alpha| {
+    Limit::of(mu, alpha).reflection(straight(smith), &fresnel, |mu, alpha| {
         climb(tolerance, |rung| reflection_on(mu, alpha, smith, rung, &fresnel))
     })
+}
+
+/// The visibility of what is reflected straight on, by cosine and width.
+pub(super) fn straight(smith: Smith) -> impl Fn(f64, f64) -> f64 {
+    move |mu, alpha| {
+        let sine = sine_of_cosine(mu);
+        let l = (alpha * alpha * sine * sine + mu * mu).sqrt();
+        smith.visibility(alpha, (mu, l), (mu, l))
+    }
 }
 
 /// [`ggx_reflection`] by one rung of the ladder.
@@ -62,7 +71,7 @@ pub fn ggx_split(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> [Estimate
         let [schlick, dip] = weights(cosine);
         [1.0, schlick, dip]
     };
-    Limit::of(mu, alpha).reflection(smith, with_one, |mu, alpha| {
+    Limit::of(mu, alpha).reflection(straight(smith), with_one, |mu, alpha| {
         climb(tolerance, |rung| {
             over_elevation(mu, alpha, smith, &rung.rules, |at| {
                 let Sum { values: [schlick, dip], defect } = azimuth(&at, rung, weights);
@@ -75,7 +84,7 @@ pub fn ggx_split(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> [Estimate
 /// The same with F = 1: the directional albedo, whose azimuth integral is closed form.
 pub fn ggx_albedo(mu: f64, alpha: f64, smith: Smith, tolerance: f64) -> Estimate {
     let [albedo] = Limit::of(mu, alpha).reflection(
-        smith,
+        straight(smith),
         |_| [1.0],
         |mu, alpha| climb(tolerance, |Rung { rules, .. }| albedo_on(mu, alpha, smith, rules)),
     );

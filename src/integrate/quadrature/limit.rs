@@ -1,4 +1,4 @@
-//! Lobes of GGX so narrow, or seen so flatly, that f64 does not hold what the rules of `ggx.rs` need.
+//! Lobes of GGX and Beckmann so narrow, or seen so flatly, that f64 does not hold what the rules of `ggx.rs` and `beckmann.rs` need.
 //!
 //! - Near the horizon everything but Fresnel's factor depends on the ratio of the cosine and the width alone, to the order of the larger
 //!   of the two: what is smaller than rounding is scaled up. So mu = 0 with alpha → 0 is a limit of its own, and not the mirror.
@@ -11,7 +11,6 @@
 use super::ROUNDING;
 use crate::integrate::Estimate;
 use crate::math::frame::sine_of_cosine;
-use crate::model::ggx::Smith;
 
 /// The cosine and the width below which both are scaled up until the larger is this: below the rounding of any value.
 const SMALLEST: f64 = 1e-20;
@@ -59,16 +58,16 @@ impl Limit {
     }
 
     /// ∫ f cosθ_i F dω_i for the Fresnel factors `fresnel` of wo·h, by `by_rules` of mu and alpha unless the lobe is
-    /// a mirror.
+    /// a mirror, which masks by `visibility` of mu and alpha.
     pub(super) fn reflection<const K: usize>(
         &self,
-        smith: Smith,
+        visibility: impl Fn(f64, f64) -> f64,
         fresnel: impl Fn(f64) -> [f64; K],
         by_rules: impl FnOnce(f64, f64) -> [Estimate; K],
     ) -> [Estimate; K] {
         let &Self { mu, alpha, .. } = self;
         let mirror = (alpha < NARROW * mu)
-            .then(|| self.mirror(smith, &fresnel))
+            .then(|| self.mirror(visibility, &fresnel))
             .filter(|mirror| alpha < NARROWEST || mirror.iter().all(|e| e.error <= STRAIGHT));
         self.scaled_back(mirror.unwrap_or_else(|| by_rules(mu, alpha)), fresnel)
     }
@@ -104,11 +103,14 @@ impl Limit {
         estimates
     }
 
-    fn mirror<const K: usize>(&self, smith: Smith, fresnel: impl Fn(f64) -> [f64; K]) -> [Estimate; K] {
+    fn mirror<const K: usize>(
+        &self,
+        visibility: impl Fn(f64, f64) -> f64,
+        fresnel: impl Fn(f64) -> [f64; K],
+    ) -> [Estimate; K] {
         let &Self { mu, alpha, .. } = self;
         let sine = sine_of_cosine(mu);
-        let l = (alpha * alpha * sine * sine + mu * mu).sqrt();
-        let g2 = 4.0 * mu * mu * smith.visibility(alpha, (mu, l), (mu, l));
+        let g2 = 4.0 * mu * mu * visibility(mu, alpha);
         let there = fresnel(mu);
         let mut bends = [0.0; K];
         for look in LOOKS {
@@ -129,11 +131,13 @@ impl Limit {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ggx::reflection_on;
+    use super::super::ggx::{reflection_on, straight};
     use super::super::{LADDER, climb};
     use super::*;
-    use crate::integrate::quadrature::{ggx_albedo_average, ggx_split};
+    use crate::integrate::quadrature::{beckmann_reflection, ggx_albedo_average, ggx_split};
+    use crate::model::beckmann::Beckmann;
     use crate::model::fresnel::{conductor, f82_dip, schlick_weight};
+    use crate::model::ggx::Smith;
 
     const WEIGHTS: fn(f64) -> [f64; 3] = |cosine| [1.0, schlick_weight(cosine), f82_dip(cosine)];
 
@@ -157,8 +161,37 @@ mod tests {
                     let limit = Limit { mu, alpha: ratio * mu, is_scaled: false };
                     let name = format!("{smith:?} at mu {mu:e}, alpha {ratio:e} mu");
                     let tolerance = |_| MIRROR_ERROR * (ratio / NARROW).powi(2);
-                    let mirror = limit.mirror(smith, WEIGHTS).map(|e| e.value);
+                    let mirror = limit.mirror(straight(smith), WEIGHTS).map(|e| e.value);
                     assert_near(&name, mirror, by_rules(mu, limit.alpha, smith), tolerance);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn so_it_is_with_beckmann() {
+        for smith in [Smith::Correlated, Smith::Separable] {
+            let split = |mu: f64, alpha: f64| beckmann_reflection(mu, &Beckmann { alpha, smith }, 1e-7, WEIGHTS);
+            for mu in [0.0, 5e-324, 1e-300, 1e-24, 1e-14, 1e-8, 1e-3, 0.3, 1.0] {
+                for alpha in ALPHAS {
+                    let place = format!("{smith:?} at mu {mu:e}, alpha {alpha:e}");
+                    let split = split(mu, alpha);
+                    assert!(split.iter().all(|e| e.error <= 1e-7), "{place}: {split:?}");
+                    let [e, bias, _] = split.map(|e| e.value);
+                    assert!(e <= 1.0 + 1e-7 && e > 0.9, "{place}: {e}");
+                    if mu > 1e9 * alpha {
+                        assert!(
+                            (e - 1.0).abs() < 1e-7 && (bias - schlick_weight(mu)).abs() < 1e-7,
+                            "{place}: {e}, {bias}"
+                        );
+                    }
+                }
+            }
+            // On either side of where the mirror takes over, the lobe masks alike.
+            for mu in [1e-6, 0.03, 0.5] {
+                let [rules, mirror] = [1.01, 0.99].map(|part| split(mu, part * NARROW * mu));
+                for (rules, mirror) in rules.iter().zip(&mirror) {
+                    assert!((rules.value - mirror.value).abs() < 1e-8, "{smith:?} at mu {mu}: {rules:?}, {mirror:?}");
                 }
             }
         }
@@ -171,7 +204,7 @@ mod tests {
         for widths in [-100.0, -10.0, -1.0, -0.1, 0.0, 0.1, 1.0, 10.0, 100.0] {
             let mu = (critical + widths * alpha).cos();
             let fresnel = |cosine| [conductor(cosine, n, 0.0)];
-            let [mirror] = Limit::of(mu, alpha).mirror(Smith::Correlated, fresnel);
+            let [mirror] = Limit::of(mu, alpha).mirror(straight(Smith::Correlated), fresnel);
             // The rules do not know of that angle either: two tell how well they see it.
             let [coarse, fine] = [&LADDER[2], &LADDER[5]]
                 .map(|rung| reflection_on(mu, alpha, Smith::Correlated, rung, fresnel).values[0]);
