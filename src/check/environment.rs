@@ -5,6 +5,7 @@ use crate::environment::full_sum::FullSum;
 use crate::environment::seamless::means_to_judge_by;
 use crate::environment::{
     CubeLookup, Kernel, KernelKind, Orientation, Panorama, SphereLayout, SphereMap, View, ViewLobe, error_scale,
+    relative_error,
 };
 use crate::model::alpha_of_roughness;
 use crate::pack::{TexelFormat, blocks};
@@ -340,8 +341,7 @@ impl EnvironmentValues<'_> {
                 let seen = map.filtered(direction);
                 (0..3)
                     .map(|c| {
-                        let off = (seen[c] - wanted[c]).abs() / error_scale(wanted[c], mean[c]);
-                        let off = if seen[c] == wanted[c] { 0.0 } else { off };
+                        let off = relative_error(seen[c], wanted[c], mean[c]);
                         if off.is_nan() { f64::INFINITY } else { off }
                     })
                     .fold(0.0, f64::max)

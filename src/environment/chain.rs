@@ -112,6 +112,11 @@ pub fn error_scale(value: f64, mean: f64) -> f64 {
     value.abs().max(DARK_FLOOR * mean.abs())
 }
 
+/// How far a value is off relative to its [`error_scale`]; what is as it should be is not, black where all is black included.
+pub fn relative_error(got: f64, wanted: f64, mean: f64) -> f64 {
+    if got == wanted { 0.0 } else { (got - wanted).abs() / error_scale(wanted, mean) }
+}
+
 /// Relative error of the area average and of the full sum: a rounding to f32, and what their tests hold them to.
 const AREA_AVERAGE_BOUND: f64 = 1e-7;
 const QUADRATURE_BOUND: f64 = 1e-6;

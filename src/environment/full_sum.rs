@@ -615,14 +615,13 @@ impl Compensated {
 
 #[cfg(test)]
 mod tests {
-    use super::super::error_scale;
     use super::super::kernel::KernelKind;
+    use super::super::relative_error;
     use super::super::test_maps::{random, random_sized};
     use super::*;
     use crate::math::sobol::PointSet;
 
-    /// The largest difference between cells and texels over `axes`, relative to its [`error_scale`]; and of how many
-    /// axes the sun's cell was taken whole.
+    /// The largest [`relative_error`] of cells against texels over `axes`; and of how many axes the sun's cell was taken whole.
     fn cells_against_texels(panorama: &Panorama, sun: (usize, usize), kernel: &Kernel, axes: &[DVec3]) -> (f64, usize) {
         // More points on both sides: what is seen is the cells alone.
         let slow = FullSum::with_extra_points(panorama, 2);
@@ -633,7 +632,7 @@ mod tests {
         for &axis in axes {
             let (got, wanted) = (fast.evaluate(axis, kernel), slow.evaluate(axis, kernel));
             for c in 0..3 {
-                worst = worst.max((got[c] - wanted[c]).abs() / error_scale(wanted[c], mean[c]));
+                worst = worst.max(relative_error(got[c], wanted[c], mean[c]));
             }
             let seen = Seen { kernel, axis, horizontal: Lobe::new(axis, kernel).horizontal };
             let (_, left) = cells.evaluate(&seen, fast.instructions);
@@ -831,7 +830,7 @@ mod tests {
                 let axis = DVec3::new(cos, 0.002 * f64::from(i - 20), sin).normalize();
                 let (got, wanted) = (sum.evaluate(axis, &kernel), wanted.evaluate(axis, &kernel));
                 for c in 0..3 {
-                    let off = (got[c] - wanted[c]).abs() / error_scale(wanted[c], map.mean()[c]);
+                    let off = relative_error(got[c], wanted[c], map.mean()[c]);
                     assert!(off < 5e-6, "{} × {}, {axis}: {} is off by {off:e}", map.width(), map.height(), got[c]);
                 }
             }

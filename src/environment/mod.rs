@@ -56,7 +56,9 @@ pub use crate::math::fit::Fit;
 pub use adjust::{Adjusted, Adjustment};
 pub use area_average::area_average;
 pub use builtin::{BUILTINS, Builtin, builtin};
-pub use chain::{Chain, ChainSpec, DARK_FLOOR, LevelReport, chain_and_irradiance, error_scale, specular_chain};
+pub use chain::{
+    Chain, ChainSpec, DARK_FLOOR, LevelReport, chain_and_irradiance, error_scale, relative_error, specular_chain,
+};
 pub use cube::Cube;
 pub use fit::CubeFit;
 pub use from_cube::from_cube;

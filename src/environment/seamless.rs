@@ -8,7 +8,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::chain::error_scale;
+use super::chain::{error_scale, relative_error};
 use super::cube::{Cube, FACES, centre, face_point, locate, nearest_texel, texel_direction};
 use super::orientation::Orientation;
 use super::sphere_map::SphereMap;
@@ -124,8 +124,8 @@ fn inward_of(size: usize, texel: usize, from: usize) -> usize {
     if found / area == face { found } else { texel }
 }
 
-/// The error of a cube as a shader sees it, against the function that it holds; relative to its
-/// [`error_scale`], by the brightest channel's mean where the channel is black everywhere.
+/// The error of a cube as a shader sees it, against the function that it holds; relative to its [`error_scale`],
+/// which is by the brightest channel's mean where the channel is black everywhere.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CubeLookup {
@@ -205,10 +205,7 @@ impl Probe {
         let errors: Vec<[f64; 3]> = (self.directions.par_iter().zip(&self.truth))
             .map(|(direction, truth)| {
                 let seen = filtered(orientation.lookup(*direction));
-                std::array::from_fn(|c| {
-                    let off = (seen[c] - truth[c]).abs() / error_scale(truth[c], mean[c]);
-                    if seen[c] == truth[c] { 0.0 } else { off }
-                })
+                std::array::from_fn(|c| relative_error(seen[c], truth[c], mean[c]))
             })
             .collect();
         let (mut squares, mut max, mut worst) = (0.0, 0.0_f64, 0);

@@ -42,7 +42,7 @@ const NUDGE: f64 = 0.02;
 pub fn fit(start: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
     let curve = start.encoding.curve;
     let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
-    let floor = MASTER_ERROR + data.rounding;
+    let floor = data.floor();
     // Any factor first, then a known one: either may be what leads to the right shift.
     let known = KNOWN.contains(&(start.encoding.scale, start.encoding.offset));
     let mut best = settle(start, &values, choice, floor);
@@ -69,7 +69,7 @@ pub fn settle(hypothesis: &Hypothesis, values: &[f64], choice: &Choice, floor: f
 pub fn resettle(hypothesis: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
     let curve = hypothesis.encoding.curve;
     let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
-    let (settled, cost) = settle(hypothesis, &values, choice, MASTER_ERROR + data.rounding);
+    let (settled, cost) = settle(hypothesis, &values, choice, data.floor());
     let price = price_of_ranges(&settled);
     (settled, cost * price)
 }
@@ -83,7 +83,7 @@ pub fn as_it_is(hypothesis: Hypothesis, few: usize, data: &Data, choice: &Choice
     let curve = hypothesis.encoding.curve;
     let values: Vec<f64> = data.at(choice).into_iter().map(|v| curve.undo(v)).collect();
     let residual = left(&values, &predicted, hypothesis.encoding);
-    let cost = (residual + MASTER_ERROR + data.rounding) * price(hypothesis.encoding) * price_of_ranges(&hypothesis);
+    let cost = (residual + data.floor()) * price(hypothesis.encoding) * price_of_ranges(&hypothesis);
     Some((Hypothesis { residual, ..hypothesis }, cost))
 }
 
@@ -241,7 +241,7 @@ const FEW_PLACES: usize = 4;
 /// The hypothesis with its texels at the simplest places that fit about as well as the fitted ones.
 pub fn snap(fitted: &Hypothesis, data: &Data, choice: &Choice) -> (Hypothesis, f64) {
     let values: Vec<f64> = data.at(choice).into_iter().map(|v| fitted.encoding.curve.undo(v)).collect();
-    let floor = MASTER_ERROR + data.rounding;
+    let floor = data.floor();
     let near = |ramp: &Ramp| -> Vec<Option<Place>> {
         let close = |place: &Place| {
             let (first, step) = place.of(ramp.size);

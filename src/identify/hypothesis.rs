@@ -63,6 +63,11 @@ pub fn choice(sizes: &[usize], most: usize) -> Choice {
 }
 
 impl Data {
+    /// What no residual tells apart: what masters and rounding leave.
+    pub fn floor(&self) -> f64 {
+        MASTER_ERROR + self.rounding
+    }
+
     /// The values at a choice of texels.
     pub fn at(&self, choice: &Choice) -> Vec<f64> {
         indices(&self.sizes, choice).into_iter().map(|i| self.values[i]).collect()

@@ -3,6 +3,7 @@
 use super::apart::{Apart, apart, blocks, pattern};
 use super::hypothesis::{self, Choice, Data, Hypothesis};
 use super::masters::Definition;
+use super::residual::rms_without_worst;
 use crate::claim::Curve;
 use crate::error::{Error, Result};
 use crate::integrate::{Estimate, Integration, Settings};
@@ -57,7 +58,7 @@ pub struct Ranked {
 impl Ranked {
     /// What it leaves by quadrature, with the price that the masters' residual had.
     pub fn exact_cost(&self, data: &Data) -> f64 {
-        let price = self.cost / (self.hypothesis.residual + hypothesis::MASTER_ERROR + data.rounding);
+        let price = self.cost / (self.hypothesis.residual + data.floor());
         (self.trimmed + data.rounding + JUDGED_TO) * price
     }
 
@@ -240,10 +241,9 @@ impl Judge {
         if 2 * squares.len() < texels.len() {
             squares = vec![f64::INFINITY]; // where it has no value it explains nothing
         }
-        squares.sort_by(f64::total_cmp);
-        let rms = |s: &[f64]| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt();
-        let (all, best) = (rms(&squares), rms(&squares[..(squares.len() * 9).div_ceil(10)]));
-        Ok(Ranked { hypothesis, cost, rms: all, trimmed: best, choice, says, misrounded, disagrees: false })
+        let rms = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        let trimmed = rms_without_worst(&mut squares);
+        Ok(Ranked { hypothesis, cost, rms, trimmed, choice, says, misrounded, disagrees: false })
     }
 
     /// Where the table is on the line from one explanation to another, and what they are apart there, RMS; nothing where that cannot be told.

@@ -45,6 +45,7 @@ use hypothesis::{Data, Hypothesis};
 use judge::{Judge, Ranked};
 use masters::Shelf;
 use rank::{agree, put_best_first, rank, share_axes};
+use residual::rms_without_worst;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -327,23 +328,19 @@ fn channel_data(grid: &Grid, c: usize, sizes: &[usize]) -> Option<Data> {
     let whole = (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
     // Residuals are counted without the worst tenth: so must the spread be, about the median, and what rounding leaves. Nothing explains a
     // channel that varies in that tenth only.
-    let without_worst = |mut squares: Vec<f64>| {
-        squares.sort_by(f64::total_cmp);
-        squares.truncate((squares.len() * 9).div_ceil(10));
-        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-    };
     let mut sorted = finite.clone();
     sorted.sort_by(f64::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(mean);
-    let spread = whole.min(2.0 * without_worst(finite.iter().map(|v| (v - median).powi(2)).collect()));
+    let mut squares: Vec<f64> = finite.iter().map(|v| (v - median).powi(2)).collect();
+    let spread = whole.min(2.0 * rms_without_worst(&mut squares));
     let stored = grid.channels[c].stored;
     // The error of rounding is spread evenly over a step.
     let brightest = grid.brightest();
     let steps: Vec<f64> = values.iter().zip(brightest).map(|(&v, most)| stored.step_beside(v, most)).collect();
-    let squares: Vec<f64> =
+    let mut squares: Vec<f64> =
         (steps.iter().zip(&values).filter(|(_, v)| v.is_finite())).map(|(s, _)| s * s / 12.0).collect();
     let rounding_of_all = (squares.iter().sum::<f64>() / n).sqrt();
-    let rounding = without_worst(squares);
+    let rounding = rms_without_worst(&mut squares);
     let (low, high) = finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
     let sizes = sizes.to_vec();
     let data = || Data { values, sizes, spread, peaks: whole / spread, rounding, rounding_of_all, steps };

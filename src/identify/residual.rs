@@ -18,7 +18,7 @@ fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, most: f64
     if squares.is_empty() {
         return f64::INFINITY;
     }
-    let kept = (squares.len() * 9).div_ceil(10);
+    let kept = without_worst(squares.len());
     let dropped = (squares.len() - kept) as f64;
     if most < f64::INFINITY {
         // Cut off at any height, the squares' sum is at most that of those kept and so much for each that is dropped. It takes no sorting,
@@ -29,10 +29,21 @@ fn trimmed(values: &[f64], predicted: &[f64], scale: f64, offset: f64, most: f64
             }
         }
     }
+    rms_without_worst(squares)
+}
+
+/// How many of so many are left without the worst tenth.
+fn without_worst(n: usize) -> usize {
+    (n * 9).div_ceil(10)
+}
+
+/// Root mean square of what these are the squares of, without the worst tenth, and 0 of none; they are put in another order.
+pub(super) fn rms_without_worst(squares: &mut [f64]) -> f64 {
+    let kept = without_worst(squares.len());
     if kept < squares.len() {
         squares.select_nth_unstable_by(kept, f64::total_cmp);
     }
-    (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
+    (squares[..kept].iter().sum::<f64>() / kept.max(1) as f64).sqrt()
 }
 
 /// The sum of numbers of which none counts for more than `most`.

@@ -1,6 +1,6 @@
 //! Trying every master over every simple arrangement of axes, on a choice of texels.
 
-use super::hypothesis::{Choice, Data, Hypothesis, MASTER_ERROR, choice, table_order, taps};
+use super::hypothesis::{Choice, Data, Hypothesis, choice, table_order, taps};
 use super::masters::{Master, Taps, along};
 use super::ramp::{Place, Ramp, ramps};
 use super::residual::{Sums, Wanted, encoding, sum};
@@ -213,7 +213,7 @@ fn try_all(
         wanted: channels
             .iter()
             .zip(limits)
-            .map(|(data, &limit)| Wanted { floor: MASTER_ERROR + data.rounding, limit, peaks: data.peaks })
+            .map(|(data, &limit)| Wanted { floor: data.floor(), limit, peaks: data.peaks })
             .collect(),
         best: vec![vec![]; channels.len()],
         squares: vec![],

@@ -21,9 +21,9 @@ use super::lanes::InstructionSet;
 use super::plan::{Plan, is_wide, lambdas, usual_degree};
 use super::survey::Survey;
 use super::{Function, Part, Zonal, least_of};
-use crate::environment::error_scale;
 use crate::environment::kernel::Kernel;
 use crate::environment::peel::Peel;
+use crate::environment::{error_scale, relative_error};
 use crate::math::quadrature::gauss_legendre;
 
 /// Nothing is looked for where the bound of truncation is below this: what truncation did was at most 0.45 of the bound on some thousands of random maps.
@@ -179,9 +179,7 @@ impl Zonal<'_> {
 
     fn relative(&self, got: [f64; 3], wanted: [f64; 3]) -> [f64; 3] {
         let mean = self.panorama.mean();
-        std::array::from_fn(|c| {
-            if got[c] == wanted[c] { 0.0 } else { (got[c] - wanted[c]).abs() / error_scale(wanted[c], mean[c]) }
-        })
+        std::array::from_fn(|c| relative_error(got[c], wanted[c], mean[c]))
     }
 }
 

@@ -46,10 +46,15 @@ pub fn ggx_reflection<const K: usize>(
 /// The visibility of what is reflected straight on, by cosine and width.
 pub(super) fn straight(smith: Smith) -> impl Fn(f64, f64) -> f64 {
     move |mu, alpha| {
-        let sine = sine_of_cosine(mu);
-        let l = (alpha * alpha * sine * sine + mu * mu).sqrt();
+        let l = squeezed(alpha, (mu, sine_of_cosine(mu)));
         smith.visibility(alpha, (mu, l), (mu, l))
     }
+}
+
+/// ℓ of a direction of these cosine and sine: see [`crate::model::ggx::Ggx::l`].
+#[inline]
+fn squeezed(alpha: f64, (cosine, sine): (f64, f64)) -> f64 {
+    (alpha * alpha * sine * sine + cosine * cosine).sqrt()
 }
 
 /// [`ggx_reflection`] by one rung of the ladder.
@@ -132,7 +137,7 @@ fn over_elevation<const K: usize>(
 ) -> Sum<K> {
     let e_o = elevation(mu);
     let (sin_o, cos_o) = (mu, sine_of_cosine(mu));
-    let l_o = (alpha * alpha * cos_o * cos_o + mu * mu).sqrt();
+    let l_o = squeezed(alpha, (mu, cos_o));
     // asinh(α/√(1−α²)) = atanh(α), infinite at α = 1, where no pole is left.
     let width = alpha.atanh().min(FAR);
     let pole = smith.pole_below_horizon(alpha, mu);
@@ -145,7 +150,7 @@ fn over_elevation<const K: usize>(
             let c2 = c * c;
             let m = 4.0 * c2 * (sin_d * sin_d + alpha * alpha * cos_d * cos_d);
             let ring = ring(Ring { c2, b: cos_o * cos_i, m });
-            let l_i = (alpha * alpha * cos_i * cos_i + mu_i * mu_i).sqrt();
+            let l_i = squeezed(alpha, (mu_i, cos_i));
             let weight = w * length * smith.visibility(alpha, (mu, l_o), (mu_i, l_i)) * mu_i * cos_i;
             for k in 0..K {
                 sum.values[k] += weight * ring.values[k];
